@@ -1,0 +1,1 @@
+"""Sensors and recordings in, states of tracks into the database."""

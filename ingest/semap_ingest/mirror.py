@@ -1,0 +1,176 @@
+"""The ingest worker's copy of the map: instances and their absolute footprints, kept by the log.
+
+It starts from a snapshot taken at the very place of the log where its stream begins, so that no
+change falls between the two. The slot is temporary: a mirror that is gone keeps no log back, and a
+new one starts from a new snapshot.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from threading import Event as Signal
+from threading import Thread
+from uuid import uuid4
+
+import numpy as np
+import psycopg
+import shapely
+from numpy.typing import NDArray
+from psycopg import pq
+
+from semap.errors import ServerUnavailable
+from semap.replication.pgoutput import Change, Row, parse_lsn
+from semap.replication.stream import ReplicationStream, connect_replication, start
+from semap.store.database import connect, translated
+
+log = logging.getLogger(__name__)
+
+PUBLICATIONS = ("semap_map",)
+KEYS = {"map": "map_id", "concept": "concept_id", "instance": "instance_id", "abstraction": "abstraction_id"}
+RETRY_S = 0.2
+
+
+@dataclass
+class MapMirror:
+    """The mirrored tables, row by row as text, as they come through the log."""
+
+    tables: dict[str, dict[str, Row]] = field(default_factory=lambda: {table: {} for table in KEYS})
+
+    def apply(self, change: Change) -> None:
+        """Take one change; a value that the log leaves out because it is unchanged stays."""
+        rows = self.tables[change.table]
+        if change.operation == "truncate":
+            rows.clear()
+            return
+        key = str(change.row[KEYS[change.table]])
+        if change.operation == "delete":
+            rows.pop(key, None)
+        else:
+            rows[key] = {**rows.get(key, {}), **change.row}
+
+    def footprints(self, map_name: str, concept: str) -> dict[str, shapely.Geometry]:
+        """Absolute footprints [m, map frame] of a map's instances of a concept or one below, by name."""
+        map_id = next((key for key, row in self.tables["map"].items() if row["name"] == map_name), None)
+        concepts = self._concepts_below(concept)
+        by_description = {
+            row["description_id"]: row["geometry"]
+            for row in self.tables["abstraction"].values()
+            if row["type"] == "Footprint"
+        }
+        return {
+            str(row["name"]): shapely.from_wkb(by_description[row["absolute_description_id"]])
+            for row in self.tables["instance"].values()
+            if row["map_id"] == map_id
+            and row["concept_id"] in concepts
+            and row["absolute_description_id"] in by_description
+        }
+
+    def _concepts_below(self, concept: str) -> set[str]:
+        below = {key for key, row in self.tables["concept"].items() if row["name"] == concept}
+        while True:
+            more = below | {key for key, row in self.tables["concept"].items() if row["parent_id"] in below}
+            if more == below:
+                return below
+            below = more
+
+
+def count_inside(
+    footprints: dict[str, shapely.Geometry], x_m: NDArray[np.float64], y_m: NDArray[np.float64]
+) -> int:
+    """How many of the points, two arrays (n,), lie in at least one footprint."""
+    tree = shapely.STRtree(list(footprints.values()))
+    points, _ = tree.query(shapely.points(x_m, y_m), predicate="within")
+    return len(np.unique(points))
+
+
+class Follower:
+    """Keeps a mirror in a thread of its own; after a lost connection it starts anew."""
+
+    def __init__(self, dsn: str) -> None:
+        self._dsn = dsn
+        self._stop = Signal()
+        self._ready = Signal()
+        self._thread = Thread(target=self._run, name="mirror", daemon=True)
+        self.mirror = MapMirror()
+        self.lsn = 0
+
+    def __enter__(self) -> Follower:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def wait_ready(self, timeout_s: float) -> bool:
+        """Wait until the first snapshot is there; false if it was not in time."""
+        return self._ready.wait(timeout_s)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                mirror, stream = open_mirror(self._dsn)
+            except ServerUnavailable as error:
+                log.debug("The mirror waits for the server: %s", error)
+                self._stop.wait(RETRY_S)
+                continue
+            self.mirror = mirror
+            self._ready.set()
+            try:
+                self._follow(stream)
+            except ServerUnavailable as error:
+                log.warning("The mirror of the map starts anew: %s", error)
+            finally:
+                stream.close()
+
+    def _follow(self, stream: ReplicationStream) -> None:
+        while not self._stop.is_set():
+            for transaction in stream.receive(RETRY_S):
+                for change in transaction.changes:
+                    self.mirror.apply(change)
+                self.lsn = transaction.end_lsn
+                stream.acknowledge(transaction.end_lsn)
+
+
+def open_mirror(dsn: str) -> tuple[MapMirror, ReplicationStream]:
+    """A mirror of the present map, and the stream of everything after it."""
+    replication = connect_replication(dsn)
+    slot = f"semap_mirror_{uuid4().hex}"
+    result = replication.exec_(
+        f"CREATE_REPLICATION_SLOT \"{slot}\" TEMPORARY LOGICAL pgoutput (SNAPSHOT 'export')".encode()
+    )
+    if result.status != pq.ExecStatus.TUPLES_OK:
+        message = replication.get_error_message().strip()
+        replication.finish()
+        raise ServerUnavailable(message, "See that max_replication_slots leaves room for the mirror.")
+    lsn = (result.get_value(0, 1) or b"").decode()
+    snapshot = (result.get_value(0, 2) or b"").decode()
+    mirror = MapMirror()
+    with (
+        connect(dsn, "semap_ingest", application="semap mirror", autocommit=False) as connection,
+        translated(),
+    ):
+        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(snapshot))
+        for table in KEYS:
+            _load(connection, mirror, table)
+    return mirror, start(replication, slot, PUBLICATIONS, parse_lsn(lsn))
+
+
+def _load(connection: psycopg.Connection, mirror: MapMirror, table: str) -> None:
+    """Read a table as text, the form in which the log carries it."""
+    columns = [
+        name
+        for (name,) in connection.execute(
+            "select attname from pg_attribute"
+            " where attrelid = %s::regclass and attnum > 0 and not attisdropped",
+            [f"semap.{table}"],
+        )
+    ]
+    selected = psycopg.sql.SQL(", ").join(
+        psycopg.sql.SQL("{}::text").format(psycopg.sql.Identifier(c)) for c in columns
+    )
+    statement = psycopg.sql.SQL("select {} from {}").format(selected, psycopg.sql.Identifier("semap", table))
+    for row in connection.execute(statement):
+        mirror.apply(Change(table, "insert", dict(zip(columns, row, strict=True))))

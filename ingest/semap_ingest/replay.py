@@ -1,0 +1,271 @@
+"""Writes tracks to the database, in batches, as fast as they go or at the pace of the recording.
+
+A batch is one transaction: its states by COPY, the tracks that end with it, the watermark of its
+source, and how far the recording has come. After a crash, or when the server was away, the replay
+goes on after the last batch that was committed; nothing is lost or written twice.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from threading import Event as Signal
+from uuid import UUID, uuid5
+
+import numpy as np
+import psycopg
+from numpy.typing import NDArray
+
+from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
+from semap.geometry.pose import transform_points
+from semap.store.database import connect, translated
+from semap.store.frames import map_from_frame
+from semap.timeline.stamp import DAY_US, day_of, to_datetime
+from semap_ingest.state_copy import COLUMNS, pack_states
+from semap_ingest.track_file import Tracks
+
+ROLE = "semap_ingest"
+COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+FIRST_RETRY_S = 0.05
+LAST_RETRY_S = 2.0
+
+Advance = Callable[[int, int], None]
+"""Called with the states done and the states in all."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to replay, and how.
+
+    frame      of the positions; None: the map's own
+    realtime   1 is the pace of the recording, 2 twice as fast; None: as fast as it goes
+    keep_open  leave the tracks open at their last state, for another file that goes on with them
+    """
+
+    map_name: str
+    source: str
+    path: str
+    fingerprint: str
+    batch_size: int = 1000
+    frame: str | None = None
+    realtime: float | None = None
+    keep_open: bool = False
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What a replay did; `resumed_at` states had been written before."""
+
+    states: int
+    tracks: int
+    resumed_at: int
+    late: int
+
+
+@dataclass(frozen=True)
+class _Registered:
+    recording_id: int
+    source_id: int
+    track_ids: NDArray[np.int64]
+    done: int
+    late: int
+
+
+def replay(
+    dsn: str,
+    plan: Plan,
+    tracks: Tracks,
+    advance: Advance = lambda done, total: None,
+    stop: Signal | None = None,
+) -> Replayed:
+    """Write all states that are not written yet; a lost server is awaited.
+
+    raises NotFound, where there is no such map or frame; Conflict, where other states of these
+    tracks are stored at the same stamps
+    """
+    stop = stop or Signal()
+    clock = _Clock(plan.realtime)
+    first: _Registered | None = None
+    wait_s = FIRST_RETRY_S
+    while True:
+        try:
+            with connect(dsn, ROLE, application="semap ingest", autocommit=False) as connection:
+                moved = _in_map_frame(connection, plan, tracks)
+                registered = _register(connection, plan, moved)
+                first = first or registered
+                for done in _write(connection, plan, moved, registered, clock, stop):
+                    wait_s = FIRST_RETRY_S
+                    advance(done, len(tracks))
+                late = _late(connection, registered.source_id) - first.late
+                return Replayed(len(tracks) - first.done, len(tracks.names), first.done, late)
+        except ServerUnavailable:
+            if stop.wait(wait_s) or first is None:
+                raise
+            wait_s = min(wait_s * 2, LAST_RETRY_S)
+
+
+def _in_map_frame(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> Tracks:
+    if plan.frame is None:
+        return tracks
+    matrix = map_from_frame(connection, plan.map_name, plan.frame)
+    points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
+    x_m, y_m, z_m = transform_points(matrix, points).T
+    return Tracks(tracks.names, tracks.track, tracks.stamp_us, x_m, y_m, z_m, tracks.std_m, tracks.findings)
+
+
+def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Registered:
+    """Make the source, the recording, its tracks and the partitions, where they are missing."""
+    with translated(), connection.transaction():
+        row = connection.execute(
+            "select map_id, uid from semap.map where name = %s", [plan.map_name]
+        ).fetchone()
+        if row is None:
+            raise NotFound("map", plan.map_name, "List them: semap map list")
+        map_id, map_uid = row
+        connection.execute(
+            "insert into semap.source (map_id, name) values (%s, %s) on conflict (map_id, name) do nothing",
+            [map_id, plan.source],
+        )
+        source_id, late = _one(
+            connection,
+            "select source_id, late_states from semap.source where map_id = %s and name = %s for update",
+            [map_id, plan.source],
+        )
+        connection.execute(
+            "insert into semap.recording (source_id, fingerprint, path, states_total) values (%s, %s, %s, %s)"
+            " on conflict (source_id, fingerprint) do nothing",
+            [source_id, plan.fingerprint, plan.path, len(tracks)],
+        )
+        recording_id, done = _one(
+            connection,
+            "select recording_id, states_done from semap.recording where source_id = %s and fingerprint = %s",
+            [source_id, plan.fingerprint],
+        )
+        connection.execute(
+            "insert into semap.track (uid, source_id, map_id, name)"
+            " select uid, %s, %s, name from unnest(%s::uuid[], %s::text[]) as track (uid, name)"
+            " on conflict (source_id, name) do nothing",
+            [
+                source_id,
+                map_id,
+                [track_uid(map_uid, plan.source, name) for name in tracks.names],
+                list(tracks.names),
+            ],
+        )
+        rows = connection.execute(
+            "select name, track_id from semap.track where source_id = %s and name = any (%s)",
+            [source_id, list(tracks.names)],
+        ).fetchall()
+        ids = dict(rows)
+        days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
+        connection.execute("select semap.ensure_partitions(%s::date[])", [days])
+    track_ids = np.array([ids[name] for name in tracks.names], dtype=np.int64)
+    return _Registered(recording_id, source_id, track_ids, done, late)
+
+
+def track_uid(map_uid: UUID, source: str, name: str) -> UUID:
+    """The identity of a track: the same whenever its recording is replayed on a map of that name."""
+    return uuid5(map_uid, f"{source}/{name}")
+
+
+def _write(
+    connection: psycopg.Connection,
+    plan: Plan,
+    tracks: Tracks,
+    registered: _Registered,
+    clock: _Clock,
+    stop: Signal,
+) -> Iterator[int]:
+    """Write batch after batch; yields the states done after each commit."""
+    last_of_track = np.full(len(tracks.names), -1, dtype=np.int64)
+    last_of_track[tracks.track] = np.arange(len(tracks))
+    done = registered.done
+    while done < len(tracks) and not stop.is_set():
+        end = min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop))
+        ends = last_of_track[(last_of_track >= done) & (last_of_track < end)]
+        _write_batch(connection, plan, tracks, registered, slice(done, end), ends)
+        done = end
+        yield done
+
+
+def _write_batch(
+    connection: psycopg.Connection,
+    plan: Plan,
+    tracks: Tracks,
+    registered: _Registered,
+    rows: slice,
+    ends: NDArray[np.int64],
+) -> None:
+    """Commit one batch. `ends` are the places of states that are the last of their tracks."""
+    data = pack_states(
+        registered.track_ids[tracks.track[rows]],
+        tracks.stamp_us[rows],
+        tracks.x_m[rows],
+        tracks.y_m[rows],
+        tracks.z_m[rows],
+        tracks.std_m[rows],
+    )
+    with translated(), connection.transaction(), connection.cursor() as cursor:
+        try:
+            with cursor.copy(COPY_STATES) as copy:
+                copy.write(data)
+        except psycopg.errors.UniqueViolation as error:
+            raise Conflict(
+                f"States of the source {plan.source} are stored already: {error.diag.message_detail}",
+                "Give this recording a source of its own (--source NAME).",
+            ) from error
+        if len(ends) and not plan.keep_open:
+            cursor.execute(
+                "update semap.track t set ended_at = e.stamp"
+                " from unnest(%s::bigint[], %s::timestamptz[]) as e (track_id, stamp)"
+                " where t.track_id = e.track_id",
+                [
+                    registered.track_ids[tracks.track[ends]].tolist(),
+                    [to_datetime(int(stamp)) for stamp in tracks.stamp_us[ends]],
+                ],
+            )
+        cursor.execute(
+            "update semap.recording set states_done = %s,"
+            " finished_at = case when %s = states_total then clock_timestamp() end where recording_id = %s",
+            [rows.stop, rows.stop, registered.recording_id],
+        )
+        cursor.execute(
+            "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
+            [to_datetime(int(tracks.stamp_us[rows.stop - 1])), registered.source_id],
+        )
+
+
+def _late(connection: psycopg.Connection, source_id: int) -> int:
+    with translated(), connection.transaction():
+        (late,) = _one(connection, "select late_states from semap.source where source_id = %s", [source_id])
+    return int(late)
+
+
+def _one(connection: psycopg.Connection, statement: str, parameters: list[object]) -> tuple[int, ...]:
+    row = connection.execute(statement, parameters).fetchone()
+    if row is None:
+        raise InvalidInput(f"No row for {statement}", "This is a fault of semap; please report it.")
+    return tuple(row)
+
+
+class _Clock:
+    """Which states are due. At a pace, the first state is due at once and the rest follow it."""
+
+    def __init__(self, realtime: float | None) -> None:
+        self._realtime = realtime
+        self._started_s: float | None = None
+        self._first_us = 0
+
+    def due(self, stamp_us: NDArray[np.int64], done: int, stop: Signal) -> int:
+        """How many states from the front are due; waits for the next one where none is."""
+        if self._realtime is None:
+            return len(stamp_us)
+        if self._started_s is None:
+            self._started_s, self._first_us = time.monotonic(), int(stamp_us[done])
+        next_s = (int(stamp_us[done]) - self._first_us) / 1e6 / self._realtime
+        wait_s = self._started_s + next_s - time.monotonic()
+        if wait_s > 0:
+            stop.wait(wait_s)
+        now_us = self._first_us + (time.monotonic() - self._started_s) * 1e6 * self._realtime
+        return max(int(np.searchsorted(stamp_us, now_us, side="right")), done + 1)

@@ -1,0 +1,20 @@
+"""What leaves through the log: the map for mirrors, changes and rules for the rule worker."""
+
+from alembic import op
+
+revision = "0005"
+down_revision = "0004"
+
+STATEMENTS = (
+    """
+    create publication semap_map for table semap.map, semap.concept, semap.instance, semap.abstraction
+    """,
+    """
+    create publication semap_change for table semap.relation_change, semap.source, semap.rule
+    """,
+)
+
+
+def upgrade() -> None:
+    for statement in STATEMENTS:
+        op.execute(statement)

@@ -1,0 +1,43 @@
+"""Event time: aware UTC at the surface, whole microseconds since 1970 inside.
+
+A microsecond is what PostgreSQL keeps, so that a stamp survives the way through the database.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime, timedelta
+
+from semap.errors import InvalidInput
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+DAY_US = 86_400_000_000
+MICROSECOND = timedelta(microseconds=1)
+
+
+def parse_stamp(text: str) -> int:
+    """Microseconds since 1970 of an ISO 8601 stamp with its offset.
+
+    raises InvalidInput for anything else, also for a stamp without an offset
+    """
+    try:
+        stamp = datetime.fromisoformat(text.strip())
+    except ValueError as error:
+        raise InvalidInput(
+            f"{text!r} is not an ISO 8601 stamp",
+            "Write stamps as 2026-01-31T12:00:00Z, or name the unit of a number: --stamp-unit s, ms, us, ns.",
+        ) from error
+    if stamp.tzinfo is None:
+        raise InvalidInput(
+            f"the stamp {text!r} has no offset from UTC", "Append Z, or the offset such as +01:00."
+        )
+    return (stamp - EPOCH) // MICROSECOND
+
+
+def to_datetime(stamp_us: int) -> datetime:
+    """Aware UTC."""
+    return EPOCH + timedelta(microseconds=stamp_us)
+
+
+def day_of(stamp_us: int) -> date:
+    """The day in UTC."""
+    return to_datetime(stamp_us).date()

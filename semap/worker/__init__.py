@@ -1,0 +1,1 @@
+"""Processes that follow the log and write what they make of it."""

@@ -1,0 +1,228 @@
+-- Every region that the continuous queries ask for: one for each instance of the query's concept, or
+-- of a concept below it, that has a footprint.
+create or replace view semap.region_wanted as
+  select q.query_id, q.name as query_name, i.instance_id, i.uid as instance_uid, i.name as instance_name, i.map_id,
+         a.geometry as footprint,
+         coalesce(a.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, 'infinity') as z_max_m
+  from semap.continuous_query q
+  cross join lateral semap.concepts_below(q.object_concept_id) c (concept_id)
+  join semap.instance i on i.map_id = q.map_id and i.concept_id = c.concept_id
+  join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = 'Footprint'
+  where q.enabled;
+comment on view semap.region_wanted is
+  'Every region that the continuous queries ask for.';
+
+-- Let every track in a cell of these regions be looked up at its next state.
+create or replace function semap.unsettle(p_region_ids integer[]) returns void
+language sql as $$
+  update semap.track_now t set calm_x_min_m = 'infinity'
+  where t.live and exists (
+    select from semap.region_cell c
+    where c.region_id = any (p_region_ids) and c.map_id = t.map_id
+      and c.cell_x = floor(t.x_m / t.cell_m)::integer and c.cell_y = floor(t.y_m / t.cell_m)::integer)
+$$;
+comment on function semap.unsettle is
+  'Let every track in a cell of these regions be looked up at its next state.';
+
+-- Write the cells and edges of these regions anew. A region that would fill more than a million
+-- cells is refused: its map wants larger ones.
+create or replace function semap.index_regions(p_region_ids integer[]) returns void
+language plpgsql as $$
+declare
+  v_name text;
+begin
+  select r.instance_name into v_name
+  from semap.region r join semap.map m using (map_id)
+  where r.region_id = any (p_region_ids)
+    and ((st_xmax(r.footprint) - st_xmin(r.footprint)) / m.cell_m + 1)
+      * ((st_ymax(r.footprint) - st_ymin(r.footprint)) / m.cell_m + 1) > 1e6
+  limit 1;
+  if v_name is not null then
+    raise exception 'The footprint of % covers more than a million cells of its map.', v_name
+      using errcode = 'program_limit_exceeded', hint = 'Create the map with larger cells (semap map create --cell).';
+  end if;
+
+  delete from semap.region_cell where region_id = any (p_region_ids);
+  delete from semap.region_edge where region_id = any (p_region_ids);
+
+  insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, z_min_m, z_max_m)
+  select r.map_id, cell_x, cell_y, r.region_id, st_covers(r.footprint, cell.square), r.z_min_m, r.z_max_m
+  from semap.region r
+  join semap.map m using (map_id)
+  cross join lateral generate_series(floor(st_xmin(r.footprint) / m.cell_m)::integer,
+                                     floor(st_xmax(r.footprint) / m.cell_m)::integer) cell_x
+  cross join lateral generate_series(floor(st_ymin(r.footprint) / m.cell_m)::integer,
+                                     floor(st_ymax(r.footprint) / m.cell_m)::integer) cell_y
+  cross join lateral (
+    select st_makeenvelope(cell_x * m.cell_m, cell_y * m.cell_m,
+                           (cell_x + 1) * m.cell_m, (cell_y + 1) * m.cell_m) as square
+  ) cell
+  where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square);
+
+  insert into semap.region_edge (map_id, cell_x, cell_y, region_id, x_min_m, x_max_m, y_min_m, y_max_m)
+  select r.map_id, cell_x, cell_y, r.region_id, e.x_min_m, e.x_max_m, e.y_min_m, e.y_max_m
+  from semap.region r
+  join semap.map m using (map_id)
+  cross join lateral semap.footprint_edges(r.footprint) e
+  cross join lateral generate_series(floor(e.x_min_m / m.cell_m)::integer, floor(e.x_max_m / m.cell_m)::integer) cell_x
+  cross join lateral generate_series(floor(e.y_min_m / m.cell_m)::integer, floor(e.y_max_m / m.cell_m)::integer) cell_y
+  where r.region_id = any (p_region_ids);
+end $$;
+comment on function semap.index_regions is
+  'Write the cells and edges of these regions anew.';
+
+-- Bring the regions of these instances in line with the map and the queries. Who is in a region that
+-- appeared, changed or went enters or leaves it now, at the last stamp of the track.
+create or replace function semap.refresh_regions(p_instance_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_gone       integer[];
+  v_changed    integer[];
+  v_crossings  semap.crossing[];
+begin
+  if p_instance_ids is null then
+    return;
+  end if;
+  perform semap.change_regions();
+
+  select array_agg(r.region_id) into v_gone
+  from semap.region r left join semap.region_wanted w using (query_id, instance_id)
+  where r.instance_id = any (p_instance_ids) and w.instance_id is null;
+
+  with changed as (
+    insert into semap.region as r (query_id, query_name, instance_id, instance_uid, instance_name, map_id,
+                                   footprint, z_min_m, z_max_m)
+    select query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m
+    from semap.region_wanted
+    where instance_id = any (p_instance_ids)
+    order by query_id, instance_uid
+    on conflict (query_id, instance_id) do update
+    set query_name = excluded.query_name, instance_uid = excluded.instance_uid,
+        instance_name = excluded.instance_name, footprint = excluded.footprint,
+        z_min_m = excluded.z_min_m, z_max_m = excluded.z_max_m
+    where (r.query_name, r.instance_uid, r.instance_name, st_asbinary(r.footprint), r.z_min_m, r.z_max_m)
+          is distinct from (excluded.query_name, excluded.instance_uid, excluded.instance_name,
+                            st_asbinary(excluded.footprint), excluded.z_min_m, excluded.z_max_m)
+    returning region_id
+  )
+  select array_agg(region_id) into v_changed from changed;
+  if v_gone is null and v_changed is null then
+    return;
+  end if;
+
+  perform semap.unsettle(v_gone || v_changed);
+  perform semap.index_regions(v_changed);
+  perform semap.unsettle(v_changed);
+
+  with inside as (
+    select t.track_id, r.region_id
+    from semap.region r
+    join semap.track_now t on t.map_id = r.map_id and t.live
+    where r.region_id = any (v_changed) and st_contains(r.footprint, st_point(t.x_m, t.y_m))
+      and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m))
+  ), crossed as (
+    select coalesce(i.track_id, n.track_id) as track_id, coalesce(i.region_id, n.region_id) as region_id,
+           case when n.track_id is null then 'began' else 'ended' end::semap.change_kind as kind
+    from inside i
+    full join (select track_id, region_id from semap.relation where region_id = any (v_gone || v_changed)) n
+      using (track_id, region_id)
+    where i.track_id is null or n.track_id is null
+  )
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp)::semap.crossing) into v_crossings
+  from crossed c join semap.track_now t using (track_id);
+  perform semap.record_crossings(v_crossings);
+
+  update semap.track_now t
+  set region_ids = array(select n.region_id from semap.relation n where n.track_id = t.track_id order by n.region_id)
+  where t.track_id in (select track_id from unnest(v_crossings));
+
+  delete from semap.region where region_id = any (v_gone);
+end $$;
+comment on function semap.refresh_regions is
+  'Bring the regions of these instances in line with the map and the queries.';
+
+-- A footprint was added, edited or removed.
+create or replace function semap.abstraction_changed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  if tg_op = 'DELETE' then
+    perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
+    where i.absolute_description_id in (select description_id from old_row where type = 'Footprint');
+  else
+    perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
+    where i.absolute_description_id in (select description_id from new_row where type = 'Footprint');
+  end if;
+  return null;
+end $$;
+comment on function semap.abstraction_changed is
+  'A footprint was added, edited or removed: its regions follow.';
+
+create or replace trigger abstraction_inserted after insert on semap.abstraction
+  referencing new table as new_row for each statement execute function semap.abstraction_changed();
+create or replace trigger abstraction_updated after update on semap.abstraction
+  referencing new table as new_row for each statement execute function semap.abstraction_changed();
+create or replace trigger abstraction_deleted after delete on semap.abstraction
+  referencing old table as old_row for each statement execute function semap.abstraction_changed();
+
+-- An instance was added, changed its concept, name or description, or was removed.
+create or replace function semap.instance_changed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  if tg_op = 'DELETE' then
+    perform semap.refresh_regions(array_agg(instance_id)) from old_row;
+  else
+    perform semap.refresh_regions(array_agg(instance_id)) from new_row;
+  end if;
+  return null;
+end $$;
+comment on function semap.instance_changed is
+  'An instance was added, changed or removed: its regions follow.';
+
+create or replace trigger instance_inserted after insert on semap.instance
+  referencing new table as new_row for each statement execute function semap.instance_changed();
+create or replace trigger instance_updated after update on semap.instance
+  referencing new table as new_row for each statement execute function semap.instance_changed();
+create or replace trigger instance_deleted after delete on semap.instance
+  referencing old table as old_row for each statement execute function semap.instance_changed();
+
+-- A continuous query was added, changed or removed, or a concept moved in the taxonomy.
+create or replace function semap.queries_changed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  perform semap.refresh_regions(array_agg(distinct instance_id))
+  from (
+    select r.instance_id
+    from semap.region r left join semap.region_wanted w using (query_id, instance_id)
+    where w.instance_id is null or w.query_name <> r.query_name
+    union all
+    select w.instance_id
+    from semap.region_wanted w left join semap.region r using (query_id, instance_id)
+    where r.instance_id is null
+  ) differing;
+  return null;
+end $$;
+comment on function semap.queries_changed is
+  'A continuous query was added, changed or removed, or a concept moved: the regions follow.';
+
+create or replace trigger continuous_query_changed after insert or update or delete on semap.continuous_query
+  for each statement execute function semap.queries_changed();
+create or replace trigger concept_changed after update on semap.concept
+  for each statement execute function semap.queries_changed();
+
+-- With a map goes what happened on it: a map of the same name starts anew.
+create or replace function semap.map_deleted() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  delete from semap.event_evidence where event_id in
+    (select e.event_id from semap.event e join old_map using (map_id));
+  delete from semap.event where map_id in (select map_id from old_map);
+  delete from semap.relation where map_id in (select map_id from old_map);
+  delete from semap.relation_change where map_id in (select map_id from old_map);
+  delete from semap.region where map_id in (select map_id from old_map);
+  return null;
+end $$;
+comment on function semap.map_deleted is
+  'With a map goes what happened on it: a map of the same name starts anew.';
+
+create or replace trigger map_deleted after delete on semap.map
+  referencing old table as old_map for each statement execute function semap.map_deleted();

@@ -1,0 +1,40 @@
+-- The name of the rule worker's replication slot: slots belong to the whole server, so it carries
+-- the database's own number.
+create or replace function semap.rule_slot() returns name
+language sql stable parallel safe as $$
+  select ('semap_rules_' || oid)::name from pg_database where datname = current_database()
+$$;
+comment on function semap.rule_slot is
+  'The name of the rule worker''s replication slot in this database.';
+
+-- Make the rule worker's slot where it is missing and nothing was read through it before.
+create or replace function semap.create_rule_slot() returns void
+language sql as $$
+  select pg_create_logical_replication_slot(semap.rule_slot(), 'pgoutput')
+  where not exists (select from pg_replication_slots where slot_name = semap.rule_slot())
+    and not exists (select from semap.progress where worker = 'rules')
+$$;
+comment on function semap.create_rule_slot is
+  'Make the rule worker''s slot where it is missing and nothing was read through it before.';
+
+-- What the rule worker knows of a rule, as it also comes through the log.
+create or replace function semap.rule_json(p_rule semap.rule) returns jsonb
+language sql stable parallel safe as $$
+  select jsonb_build_object('map_id', p_rule.map_id, 'name', p_rule.name, 'version', p_rule.version,
+                            'query_id', p_rule.query_id, 'declaration', p_rule.declaration,
+                            'enabled', p_rule.enabled)
+$$;
+comment on function semap.rule_json is
+  'What the rule worker knows of a rule, as it also comes through the log.';
+
+-- The rule worker begins where its slot begins, with the rules that were there before.
+create or replace function semap.begin_progress() returns void
+language sql as $$
+  insert into semap.progress (worker, lsn, rule_state)
+  select 'rules', s.confirmed_flush_lsn,
+         coalesce((select jsonb_object_agg(r.rule_id, semap.rule_json(r)) from semap.rule r), '{}')
+  from pg_replication_slots s where s.slot_name = semap.rule_slot()
+  on conflict (worker) do nothing
+$$;
+comment on function semap.begin_progress is
+  'The rule worker begins where its slot begins, with the rules that were there before.';
