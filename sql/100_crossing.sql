@@ -30,14 +30,14 @@ begin
   join semap.region r using (region_id)
   join semap.track t using (track_id)
   left join semap.relation n using (track_id, region_id)
-  window one_pair as (partition by c.track_id, c.region_id order by c.stamp)
-  order by c.stamp, t.uid, c.kind desc, r.instance_uid;
+  window one_pair as (partition by c.track_id, c.region_id order by c.stamp, c.cause = 'disappeared')
+  order by c.stamp, t.name collate "C", t.uid, c.cause = 'disappeared', c.kind desc, r.instance_uid;
 
   -- the fenced look-up keeps the plan on the key, whatever relation held when it was planned
   with final as (
     select distinct on (c.track_id, c.region_id) c.*
     from unnest(p_crossings) c
-    order by c.track_id, c.region_id, c.stamp desc
+    order by c.track_id, c.region_id, c.stamp desc, c.cause = 'disappeared' desc
   ), gone as (
     delete from semap.relation where ctid = any (array(
       select n.ctid

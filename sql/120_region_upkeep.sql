@@ -46,7 +46,7 @@ begin
   delete from semap.region_edge where region_id = any (p_region_ids);
 
   insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, z_min_m, z_max_m)
-  select r.map_id, cell_x, cell_y, r.region_id, st_covers(r.footprint, cell.square), r.z_min_m, r.z_max_m
+  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.z_min_m, r.z_max_m
   from semap.region r
   join semap.map m using (map_id)
   cross join lateral generate_series(floor(st_xmin(r.footprint) / m.cell_m)::integer,

@@ -15,7 +15,7 @@ create or replace trigger track_inserted after insert on semap.track
 -- New states move their tracks: relations begin and end at the stamp of the first state that shows
 -- it. A state within the calm of its track needs one comparison; only tracks that left theirs are
 -- looked up, state by state. States at or before the present of their track change no relation:
--- they are kept and counted as late.
+-- they are kept and counted as late. A state that is its track's last ends the track after it.
 create or replace function semap.track_state_inserted() returns trigger
 language plpgsql security definer
 set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_seqscan = off set enable_mergejoin = off as $$
@@ -26,6 +26,7 @@ declare
   v_late       bigint;
   v_restless   bigint[];
   v_revives    boolean;
+  v_ends       boolean;
   v_crossings  semap.crossing[];
 begin
   select t.source_id into v_source_id
@@ -40,9 +41,10 @@ begin
            n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m
            and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
            and case when n.z_m is null then t.calm_z_min_m is null
-                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end) is true),
-         bool_or(not t.live)
-    into v_unknown, v_foreign, v_late, v_restless, v_revives
+                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
+           and not n.is_last) is true),
+         bool_or(not t.live), bool_or(n.is_last)
+    into v_unknown, v_foreign, v_late, v_restless, v_revives, v_ends
   from new_state n left join semap.track_now t using (track_id);
 
   if v_unknown is not null then
@@ -71,9 +73,9 @@ begin
       cross join lateral semap.regions_at(t.map_id, t.cell_m, n.x_m, n.y_m, n.z_m) g
       where n.track_id = any (v_restless) and n.stamp > t.stamp
     ), stepped as (
-      select *, not live and row_number() over one_track = 1 as appears,
-             lead(stamp) over one_track is null as is_last,
-             lag(region_ids, 1, present_ids) over one_track as before_ids
+      select *, lag(is_last, 1, not live) over one_track as appears,
+             lead(stamp) over one_track is null as is_present,
+             lag(case when is_last then '{}' else region_ids end, 1, present_ids) over one_track as before_ids
       from located
       window one_track as (partition by track_id order by stamp)
     ), crossed as (
@@ -85,19 +87,28 @@ begin
       select track_id, region_id, 'ended', 'moved', stamp
       from stepped, unnest(before_ids) region_id
       where region_ids <> before_ids and region_id <> all (region_ids)
+      union all
+      select track_id, region_id, 'ended', 'disappeared', stamp
+      from stepped, unnest(region_ids) region_id
+      where is_last
     ), moved as (
       update semap.track_now t
       set live = true, stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
-          region_ids = n.region_ids,
+          region_ids = case when n.is_last then '{}' else n.region_ids end,
           calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,
           calm_z_min_m = n.calm_z_min_m, calm_z_max_m = n.calm_z_max_m
       from stepped n cross join lateral semap.calm_rectangle(n.map_id, n.cell_m, n.x_m, n.y_m) c
-      where t.track_id = n.track_id and n.is_last
+      where t.track_id = n.track_id and n.is_present
     )
     select array_agg(row(c.*)::semap.crossing) into v_crossings from crossed c;
     perform semap.record_crossings(v_crossings);
     if v_revives then
       update semap.track set ended_at = null where track_id = any (v_restless) and ended_at is not null;
+    end if;
+    if v_ends then
+      update semap.track k set ended_at = n.stamp
+      from new_state n join semap.track_now t using (track_id)
+      where n.is_last and n.stamp = t.stamp and k.track_id = n.track_id;
     end if;
   end if;
   return null;

@@ -38,3 +38,13 @@ language sql as $$
 $$;
 comment on function semap.begin_progress is
   'The rule worker begins where its slot begins, with the rules that were there before.';
+
+-- Make the rule worker's slot anew at the present end of the log; whatever it had not read is passed.
+create or replace function semap.replace_rule_slot() returns void
+language plpgsql as $$
+begin
+  perform pg_drop_replication_slot(slot_name) from pg_replication_slots where slot_name = semap.rule_slot();
+  perform pg_create_logical_replication_slot(semap.rule_slot(), 'pgoutput');
+end $$;
+comment on function semap.replace_rule_slot is
+  'Make the rule worker''s slot anew at the present end of the log; whatever it had not read is passed.';

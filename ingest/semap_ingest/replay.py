@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Event as Signal
 from uuid import UUID, uuid5
 
@@ -38,7 +38,6 @@ Advance = Callable[[int, int], None]
 class Plan:
     """What to replay, and how.
 
-    frame      of the positions; None: the map's own
     realtime   1 is the pace of the recording, 2 twice as fast; None: as fast as it goes
     keep_open  leave the tracks open at their last state, for another file that goes on with them
     """
@@ -48,7 +47,6 @@ class Plan:
     path: str
     fingerprint: str
     batch_size: int = 1000
-    frame: str | None = None
     realtime: float | None = None
     keep_open: bool = False
 
@@ -81,7 +79,7 @@ def replay(
 ) -> Replayed:
     """Write all states that are not written yet; a lost server is awaited.
 
-    raises NotFound, where there is no such map or frame; Conflict, where other states of these
+    raises NotFound, where there is no such map; Conflict, where other states of these
     tracks are stored at the same stamps
     """
     stop = stop or Signal()
@@ -91,10 +89,9 @@ def replay(
     while True:
         try:
             with connect(dsn, ROLE, application="semap ingest", autocommit=False) as connection:
-                moved = _in_map_frame(connection, plan, tracks)
-                registered = _register(connection, plan, moved)
+                registered = _register(connection, plan, tracks)
                 first = first or registered
-                for done in _write(connection, plan, moved, registered, clock, stop):
+                for done in _write(connection, plan, tracks, registered, clock, stop):
                     wait_s = FIRST_RETRY_S
                     advance(done, len(tracks))
                 late = _late(connection, registered.source_id) - first.late
@@ -105,13 +102,16 @@ def replay(
             wait_s = min(wait_s * 2, LAST_RETRY_S)
 
 
-def _in_map_frame(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> Tracks:
-    if plan.frame is None:
-        return tracks
-    matrix = map_from_frame(connection, plan.map_name, plan.frame)
+def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
+    """The same tracks with positions in the map's frame; a state without a height has z 0 in `frame`.
+
+    raises NotFound, where there is no such frame
+    """
+    with connect(dsn, ROLE, application="semap ingest") as connection:
+        matrix = map_from_frame(connection, map_name, frame)
     points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
     x_m, y_m, z_m = transform_points(matrix, points).T
-    return Tracks(tracks.names, tracks.track, tracks.stamp_us, x_m, y_m, z_m, tracks.std_m, tracks.findings)
+    return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m)
 
 
 def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Registered:
@@ -157,7 +157,7 @@ def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Re
             "select name, track_id from semap.track where source_id = %s and name = any (%s)",
             [source_id, list(tracks.names)],
         ).fetchall()
-        ids = dict(rows)
+        ids: dict[str, int] = dict(rows)
         days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
         connection.execute("select semap.ensure_partitions(%s::date[])", [days])
     track_ids = np.array([ids[name] for name in tracks.names], dtype=np.int64)
@@ -178,34 +178,35 @@ def _write(
     stop: Signal,
 ) -> Iterator[int]:
     """Write batch after batch; yields the states done after each commit."""
-    last_of_track = np.full(len(tracks.names), -1, dtype=np.int64)
-    last_of_track[tracks.track] = np.arange(len(tracks))
+    is_last = np.zeros(len(tracks), dtype=np.bool_)
+    if not plan.keep_open:
+        is_last[len(tracks) - 1 - np.unique(tracks.track[::-1], return_index=True)[1]] = True
     done = registered.done
     while done < len(tracks) and not stop.is_set():
-        end = min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop))
-        ends = last_of_track[(last_of_track >= done) & (last_of_track < end)]
-        _write_batch(connection, plan, tracks, registered, slice(done, end), ends)
-        done = end
+        rows = slice(done, min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop)))
+        data = pack_states(
+            registered.track_ids[tracks.track[rows]],
+            tracks.stamp_us[rows],
+            tracks.x_m[rows],
+            tracks.y_m[rows],
+            tracks.z_m[rows],
+            tracks.std_m[rows],
+            is_last[rows],
+        )
+        _commit(connection, plan, registered, data, rows.stop, int(tracks.stamp_us[rows.stop - 1]))
+        done = rows.stop
         yield done
 
 
-def _write_batch(
+def _commit(
     connection: psycopg.Connection,
     plan: Plan,
-    tracks: Tracks,
     registered: _Registered,
-    rows: slice,
-    ends: NDArray[np.int64],
+    data: bytes,
+    done: int,
+    watermark_us: int,
 ) -> None:
-    """Commit one batch. `ends` are the places of states that are the last of their tracks."""
-    data = pack_states(
-        registered.track_ids[tracks.track[rows]],
-        tracks.stamp_us[rows],
-        tracks.x_m[rows],
-        tracks.y_m[rows],
-        tracks.z_m[rows],
-        tracks.std_m[rows],
-    )
+    """One batch, how far the recording has come with it, and the watermark of its source."""
     with translated(), connection.transaction(), connection.cursor() as cursor:
         try:
             with cursor.copy(COPY_STATES) as copy:
@@ -215,24 +216,14 @@ def _write_batch(
                 f"States of the source {plan.source} are stored already: {error.diag.message_detail}",
                 "Give this recording a source of its own (--source NAME).",
             ) from error
-        if len(ends) and not plan.keep_open:
-            cursor.execute(
-                "update semap.track t set ended_at = e.stamp"
-                " from unnest(%s::bigint[], %s::timestamptz[]) as e (track_id, stamp)"
-                " where t.track_id = e.track_id",
-                [
-                    registered.track_ids[tracks.track[ends]].tolist(),
-                    [to_datetime(int(stamp)) for stamp in tracks.stamp_us[ends]],
-                ],
-            )
         cursor.execute(
             "update semap.recording set states_done = %s,"
             " finished_at = case when %s = states_total then clock_timestamp() end where recording_id = %s",
-            [rows.stop, rows.stop, registered.recording_id],
+            [done, done, registered.recording_id],
         )
         cursor.execute(
             "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
-            [to_datetime(int(tracks.stamp_us[rows.stop - 1])), registered.source_id],
+            [to_datetime(watermark_us), registered.source_id],
         )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m")
+COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last")
 POSTGRES_EPOCH_US = 946_684_800_000_000
 HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
 TRAILER = b"\xff\xff"
@@ -18,6 +21,7 @@ def pack_states(
     y_m: NDArray[np.float64],
     z_m: NDArray[np.float64],
     std_m: NDArray[np.float64],
+    is_last: NDArray[np.bool_],
 ) -> bytes:
     """A whole COPY (format binary) of `COLUMNS`; NaN in z_m or std_m becomes null.
 
@@ -31,6 +35,7 @@ def pack_states(
         "y_m": y_m,
         "z_m": z_m,
         "std_m": std_m,
+        "is_last": is_last,
     }
     no_z, no_std = np.isnan(z_m), np.isnan(std_m)
     parts = [HEADER]
@@ -44,8 +49,16 @@ def pack_states(
     return b"".join(parts)
 
 
-def _pack(values: dict[str, NDArray[np.int64] | NDArray[np.float64]], nulls: set[str]) -> bytes:
-    types = {"track_id": ">i8", "stamp": ">i8", "x_m": ">f8", "y_m": ">f8", "z_m": ">f8", "std_m": ">f4"}
+def _pack(values: Mapping[str, NDArray[Any]], nulls: set[str]) -> bytes:
+    types = {
+        "track_id": ">i8",
+        "stamp": ">i8",
+        "x_m": ">f8",
+        "y_m": ">f8",
+        "z_m": ">f8",
+        "std_m": ">f4",
+        "is_last": "?",
+    }
     fields: list[tuple[str, str]] = [("count", ">i2")]
     for name in COLUMNS:
         fields.append((f"{name}_size", ">i4"))

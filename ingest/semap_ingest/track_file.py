@@ -77,7 +77,7 @@ class Tracks:
         return len(self.stamp_us)
 
 
-Columns = dict[str, NDArray[np.str_] | NDArray[np.float64]]
+Columns = dict[str, NDArray[np.str_]]
 
 
 def fingerprint(path: Path, layout: Layout) -> str:
@@ -257,7 +257,7 @@ def _assemble(roles: list[str], columns: Columns, first_line: int, layout: Layou
     )
 
 
-def _floats(cells: NDArray[np.str_] | NDArray[np.float64], role: str) -> NDArray[np.float64]:
+def _floats(cells: NDArray[np.str_], role: str) -> NDArray[np.float64]:
     """Numbers of a column; an empty cell is NaN."""
     try:
         return np.where(np.char.strip(cells) == "", "nan", cells).astype(np.float64)
@@ -272,9 +272,7 @@ def _floats(cells: NDArray[np.str_] | NDArray[np.float64], role: str) -> NDArray
         raise
 
 
-def _stamps(
-    cells: NDArray[np.str_] | NDArray[np.float64], layout: Layout
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _stamps(cells: NDArray[np.str_], layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     if layout.stamp_unit == "iso":
         return np.array([parse_stamp(str(cell)) for cell in cells], dtype=np.int64), np.ones(
             len(cells), dtype=bool

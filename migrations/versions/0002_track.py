@@ -50,6 +50,7 @@ STATEMENTS = (
       y_m       double precision not null,
       z_m       double precision,
       std_m     real,
+      is_last   boolean not null default false,
       primary key (track_id, stamp),
       constraint state_is_finite check (abs(x_m) <= 1e7 and abs(y_m) <= 1e7 and abs(z_m) <= 1e7)
     ) partition by range (stamp)

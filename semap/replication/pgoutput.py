@@ -63,21 +63,25 @@ class Assembler:
         """
         reader = _Reader(message)
         try:
-            return self._take(reader.text(1), reader)
+            transaction = self._take(reader.text(1), reader)
+            reader.require_end()
         except (struct.error, IndexError, UnicodeDecodeError, KeyError) as error:
             raise UntrustedBytes(
                 f"A message of the replication stream is malformed: {message[:40]!r}"
             ) from error
+        return transaction
 
     def _take(self, kind: str, reader: _Reader) -> Transaction | None:
         match kind:
             case "B":
+                reader.skip(8 + 8 + 4)
                 self._open = []
             case "C":
                 if self._open is None:
                     raise UntrustedBytes("The replication stream commits a transaction that never began.")
                 reader.skip(1 + 8)
                 transaction = Transaction(reader.uint64(), tuple(self._open))
+                reader.skip(8)
                 self._open = None
                 return transaction
             case "R":
@@ -90,7 +94,7 @@ class Assembler:
                 for _ in range(count):
                     self._append(Change(self._layouts[reader.uint32()].table, "truncate", {}))
             case "O" | "Y" | "M":
-                pass
+                reader.skip_rest()
             case _:
                 raise UntrustedBytes(f"The replication stream holds a message of unknown kind {kind!r}.")
         return None
@@ -134,6 +138,13 @@ class _Reader:
 
     def skip(self, count: int) -> None:
         self._take(count)
+
+    def skip_rest(self) -> None:
+        self._at = len(self._message)
+
+    def require_end(self) -> None:
+        if self._at != len(self._message):
+            raise IndexError("message too long")
 
     def text(self, count: int) -> str:
         return self._take(count).decode()

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 from psycopg import pq
 from psycopg.conninfo import make_conninfo
+from psycopg.pq.abc import PGconn
 
 from semap.errors import ServerUnavailable, SlotLost, UntrustedBytes
 from semap.replication.pgoutput import Assembler, Transaction, format_lsn
@@ -35,7 +36,7 @@ class SlotInUse(ServerUnavailable):
 class ReplicationStream:
     """An open replication connection."""
 
-    connection: pq.PGconn
+    connection: PGconn
     assembler: Assembler = field(default_factory=Assembler)
     received_lsn: int = 0
     acknowledged_lsn: int = 0
@@ -132,7 +133,7 @@ def open_stream(dsn: str, slot: str, publications: Sequence[str], start_lsn: int
     return start(connection, slot, publications, start_lsn)
 
 
-def connect_replication(dsn: str) -> pq.PGconn:
+def connect_replication(dsn: str) -> PGconn:
     """A connection that speaks the replication protocol, before it streams."""
     conninfo = make_conninfo(
         dsn,
@@ -148,7 +149,7 @@ def connect_replication(dsn: str) -> pq.PGconn:
     return connection
 
 
-def start(connection: pq.PGconn, slot: str, publications: Sequence[str], start_lsn: int) -> ReplicationStream:
+def start(connection: PGconn, slot: str, publications: Sequence[str], start_lsn: int) -> ReplicationStream:
     """Let a replication connection stream."""
     names = ",".join(publications)
     command = (
@@ -173,5 +174,5 @@ def start(connection: pq.PGconn, slot: str, publications: Sequence[str], start_l
     return ReplicationStream(connection, acknowledged_lsn=start_lsn, handed_out_lsn=start_lsn)
 
 
-def _message(connection: pq.PGconn) -> str:
+def _message(connection: PGconn) -> str:
     return connection.get_error_message().strip() or "the server closed the connection"

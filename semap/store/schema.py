@@ -12,9 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psycopg
-from alembic import command
-from alembic.config import Config
-from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, text
 
 import semap
@@ -42,10 +39,11 @@ def schema_folder(name: str) -> Path:
     raise DatabaseError(f"The folder {name}/ is missing.", "Install semap again.")
 
 
-def migrate(dsn: str) -> Migrated:
+def migrate(dsn: str, *, slot: bool = True) -> Migrated:
     """Create or update everything that semap keeps in the database.
 
-    raises DatabaseError where the database is newer than this semap
+    slot    also make the rule worker's slot; not in a database that is only copied from
+    raises  DatabaseError where the database is newer than this semap
     """
     engine = open_engine(dsn, application="semap migrate")
     try:
@@ -56,17 +54,32 @@ def migrate(dsn: str) -> Migrated:
             changed = _apply_behaviour(connection)
     finally:
         engine.dispose()
-    with connect(dsn, application="semap migrate") as plain:
-        ensure_slot(plain)
+    if slot:
+        with connect(dsn, application="semap migrate") as plain:
+            ensure_slot(plain)
     return Migrated(before, head_version(), changed)
 
 
 def head_version() -> str:
     """The newest version that this semap knows."""
-    head = ScriptDirectory(str(schema_folder("migrations"))).get_current_head()
-    if head is None:
-        raise DatabaseError("The folder migrations/ is empty.", "Install semap again.")
-    return head
+    return _known_versions()[-1]
+
+
+def is_current(connection: psycopg.Connection) -> bool:
+    """Whether the database is just as `migrate` of this semap leaves it."""
+    if connection.execute("select to_regclass('semap.behaviour')").fetchone() == (None,):
+        return False
+    checksums = connection.execute("select checksum from semap.behaviour").fetchall()
+    return checksums == [(_checksum(),)] and database_version(connection) == head_version()
+
+
+def require_current(connection: psycopg.Connection) -> None:
+    """raises DatabaseError where `semap db migrate` has to run first."""
+    with translated():
+        if not is_current(connection):
+            raise DatabaseError(
+                "The database has no schema of semap, or that of another version.", "Run: semap db migrate"
+            )
 
 
 def database_version(connection: psycopg.Connection) -> str | None:
@@ -77,13 +90,19 @@ def database_version(connection: psycopg.Connection) -> str | None:
     return None if row is None else str(row[0])
 
 
+def _known_versions() -> list[str]:
+    """Every version, oldest first: what a file of migrations/versions/ begins with."""
+    return sorted(file.name[:4] for file in schema_folder("migrations").glob("versions/[0-9]*.py"))
+
+
 def _upgrade(connection: Connection) -> str | None:
-    scripts = ScriptDirectory(str(schema_folder("migrations")))
-    known = {script.revision for script in scripts.walk_revisions()}
-    before = None
+    from alembic import command  # noqa: PLC0415  slow to import, and rarely needed
+    from alembic.config import Config  # noqa: PLC0415
+
+    before: str | None = None
     if connection.scalar(text("select to_regclass('semap.schema_version')")) is not None:
         before = connection.scalar(text("select version_num from semap.schema_version"))
-    if before is not None and before not in known:
+    if before is not None and before not in _known_versions():
         raise DatabaseError(
             f"The database has schema version {before}, which semap {semap.__version__} does not know.",
             "Install the version of semap that migrated it, or a newer one.",
@@ -95,16 +114,25 @@ def _upgrade(connection: Connection) -> str | None:
     return before
 
 
+def _behaviour_files() -> list[Path]:
+    return sorted(schema_folder("sql").glob("*.sql"))
+
+
+def _checksum() -> str:
+    parts = [file.name.encode() + b"\0" + file.read_bytes() for file in _behaviour_files()]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()
+
+
 def _apply_behaviour(connection: Connection) -> bool:
-    files = sorted(schema_folder("sql").glob("*.sql"))
-    digest = hashlib.sha256(b"\0".join(file.name.encode() + file.read_bytes() for file in files)).hexdigest()
-    if connection.scalar(text("select checksum from semap.behaviour")) == digest:
+    if connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
     cursor = connection.connection.cursor()
-    for file in files:
+    for file in _behaviour_files():
         cursor.execute(file.read_text())
     connection.execute(text("delete from semap.behaviour"))
-    connection.execute(text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": digest})
+    connection.execute(
+        text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}
+    )
     return True
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from threading import Event as Signal
 from types import MappingProxyType
@@ -46,7 +46,7 @@ class Progress:
 
     lsn: int
     rules: RuleSet
-    watermarks: MappingProxyType[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    watermarks: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def work(dsn: str, stop: Signal) -> None:
@@ -101,11 +101,11 @@ def _read(
         else:
             events = []
         if events or (progress is not committed and time.monotonic() >= commit_due_s):
-            _commit(connection, committed, progress, events)
+            commit_progress(connection, committed.lsn, progress, events)
             committed = progress
             stream.acknowledge(progress.lsn)
     if progress is not committed:
-        _commit(connection, committed, progress, [])
+        commit_progress(connection, committed.lsn, progress, [])
         stream.acknowledge(progress.lsn)
 
 
@@ -140,19 +140,27 @@ def _load(connection: psycopg.Connection) -> tuple[Progress, str]:
     return Progress(parse_lsn(lsn), RuleSet.from_json(rule_state), MappingProxyType(watermarks)), slot
 
 
-def _commit(connection: psycopg.Connection, before: Progress, after: Progress, events: list[Event]) -> None:
+def commit_progress(
+    connection: psycopg.Connection, before_lsn: int, after: Progress, events: list[Event]
+) -> int:
+    """Write events and progress in one statement, if the place in the log is still `before_lsn`.
+
+    returns  the number of the last event there is
+    raises   ServerUnavailable where another worker has moved on
+    """
     with translated():
-        connection.execute(
+        row = connection.execute(
             "select semap.commit_progress(%s, %s::pg_lsn, %s::pg_lsn, %s, %s, %s)",
             [
                 WORKER,
-                format_lsn(before.lsn),
+                format_lsn(before_lsn),
                 format_lsn(after.lsn),
                 Jsonb(after.rules.as_json()),
                 Jsonb(dict(after.watermarks)),
                 Jsonb([event_json(event) for event in events]),
             ],
-        )
+        ).fetchone()
+    return int(row[0]) if row else 0
 
 
 def event_json(event: Event) -> dict[str, object]:

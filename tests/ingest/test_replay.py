@@ -1,0 +1,192 @@
+"""Recordings into the database: every state once, resumed, refused where it clashes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from semap_ingest.replay import Plan, in_map_frame, replay, track_uid
+from semap_ingest.state_copy import COLUMNS, pack_states
+from semap_ingest.track_file import Tracks
+from world import SECOND_US, World
+
+from semap.errors import Conflict, NotFound
+from semap.store.database import connect
+from semap.timeline.stamp import to_datetime
+
+PLAN = Plan(map_name="world", source="walk", path="walk.csv", fingerprint="f1", batch_size=7)
+
+
+def walk(states: int, tracks: int = 3) -> Tracks:
+    rows = np.arange(states)
+    nan = np.full(states, np.nan)
+    return Tracks(
+        tuple(f"t{i}" for i in range(tracks)), rows % tracks, rows // tracks * SECOND_US, rows * 0.1, rows * 0.0,
+        np.where(rows % 2, nan, 1.0), np.where(rows % 5, nan, 0.5),
+    )  # fmt: skip
+
+
+def stored(world: World) -> list[tuple]:
+    return world.rows(
+        "select t.name, extract(epoch from s.stamp)::float8 * 1000000, x_m, y_m, z_m, std_m, is_last"
+        " from semap.track_state s join semap.track t using (track_id) order by s.stamp, t.name"
+    )
+
+
+def expected(tracks: Tracks) -> list[tuple]:
+    last = {name: int(np.flatnonzero(tracks.track == i)[-1]) for i, name in enumerate(tracks.names)}
+    rows = []
+    for i in range(len(tracks)):
+        name = tracks.names[tracks.track[i]]
+        z, std = (None if np.isnan(v) else float(v) for v in (tracks.z_m[i], tracks.std_m[i]))
+        rows.append((name, float(tracks.stamp_us[i]), float(tracks.x_m[i]), float(tracks.y_m[i]), z, std,
+                     last[name] == i))  # fmt: skip
+    return rows
+
+
+def test_every_state_is_stored_once_and_tracks_end(world: World) -> None:
+    tracks = walk(100)
+    seen = []
+    done = replay(world.dsn, PLAN, tracks, lambda states, total: seen.append((states, total)))
+    assert (done.states, done.tracks, done.resumed_at, done.late) == (100, 3, 0, 0)
+    assert seen[-1] == (100, 100)
+    assert seen == sorted(seen)
+    assert stored(world) == expected(tracks)
+    assert world.rows("select name, ended_at from semap.track order by name") == [
+        (f"t{i}", to_datetime(int(tracks.stamp_us[tracks.track == i][-1]))) for i in range(3)
+    ]
+    again = replay(world.dsn, PLAN, tracks)
+    assert (again.states, again.resumed_at) == (0, 100)
+    assert len(stored(world)) == 100
+
+
+def test_a_replay_that_was_cut_goes_on_where_it_was(world: World) -> None:
+    tracks = walk(100)
+
+    class CutError(Exception):
+        pass
+
+    def cut(done: int, total: int) -> None:
+        if done >= 42:
+            raise CutError
+
+    with pytest.raises(CutError):
+        replay(world.dsn, PLAN, tracks, cut)
+    assert len(stored(world)) == 42
+    done = replay(world.dsn, replace(PLAN, batch_size=1000), tracks)
+    assert (done.states, done.resumed_at) == (58, 42)
+    assert stored(world) == expected(tracks)
+
+
+def test_states_that_are_there_already_are_refused_and_nothing_changes(world: World) -> None:
+    replay(world.dsn, PLAN, walk(30))
+    with pytest.raises(Conflict, match="stored already") as clash:
+        replay(world.dsn, replace(PLAN, fingerprint="f2", batch_size=1000), walk(60))
+    assert "--source" in clash.value.remedy
+    assert len(stored(world)) == 30
+
+
+def test_another_file_goes_on_with_open_tracks(world: World) -> None:
+    world.add_room("room", shapely.box(-1, -1, 100, 1))
+    whole = walk(60)
+    first = Tracks(
+        whole.names, *(getattr(whole, n)[:30] for n in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"))
+    )
+    rest = Tracks(
+        whole.names, *(getattr(whole, n)[30:] for n in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"))
+    )
+    replay(world.dsn, replace(PLAN, keep_open=True), first)
+    assert {pair[:2] for pair in world.relations()} == {(f"t{i}", "room") for i in range(3)}
+    replay(world.dsn, replace(PLAN, fingerprint="f2"), rest)
+    assert [change[2:4] for change in world.changes()] == [("began", "appeared")] * 3 + [
+        ("ended", "disappeared")
+    ] * 3
+    assert world.rows("select ended_at is not null from semap.track") == [(True,)] * 3
+
+
+def test_late_states_are_kept_and_counted(world: World) -> None:
+    world.add_room("room", shapely.box(-1, -1, 100, 1))
+    replay(world.dsn, replace(PLAN, keep_open=True), walk(60))
+    early = walk(60)
+    early = replace(early, stamp_us=early.stamp_us - 100 * SECOND_US)
+    before = world.changes()
+    done = replay(world.dsn, replace(PLAN, fingerprint="f2"), early)
+    assert done.late == 60
+    assert len(stored(world)) == 120
+    assert world.changes() == before
+
+
+def test_an_unknown_map(world: World) -> None:
+    with pytest.raises(NotFound, match="nowhere"):
+        replay(world.dsn, replace(PLAN, map_name="nowhere"), walk(3))
+
+
+def test_positions_in_a_frame(world: World) -> None:
+    storey = world.one("insert into semap.frame (map_id, name, parent_id) values (%s, 'level 2', %s)"
+                       " returning frame_id", world.map_id, world.frame_id)  # fmt: skip
+    world.run("insert into semap.frame_pose (frame_id, x_m, z_m, qz, qw) values (%s, 10, 3, sqrt(0.5), sqrt(0.5))",
+              storey)  # fmt: skip
+    moved = in_map_frame(world.dsn, "world", "level 2", replace(walk(3), z_m=np.array([np.nan, 0.0, 1.0])))
+    np.testing.assert_allclose(moved.x_m, [10, 10, 10], atol=1e-12)
+    np.testing.assert_allclose(moved.y_m, [0, 0.1, 0.2], atol=1e-12)
+    np.testing.assert_allclose(moved.z_m, [3, 3, 4])
+    with pytest.raises(NotFound):
+        in_map_frame(world.dsn, "world", "level 9", walk(3))
+
+
+def test_track_ids_follow_from_names(world: World) -> None:
+    replay(world.dsn, PLAN, walk(3))
+    map_uid = world.one("select uid from semap.map")
+    assert world.rows("select uid from semap.track order by name") == [
+        (track_uid(map_uid, "walk", f"t{i}"),) for i in range(3)
+    ]
+
+
+def test_states_of_an_unknown_track_or_of_two_sources_are_refused(world: World) -> None:
+    ours, theirs = world.add_track("t"), world.add_track("u", world.add_source("other"))
+    with pytest.raises(Exception, match="no track 999"):
+        world.add_states([(ours, SECOND_US, 0, 0, None), (999, SECOND_US, 0, 0, None)])
+    with pytest.raises(Exception, match="more than one source"):
+        world.add_states([(ours, SECOND_US, 0, 0, None), (theirs, SECOND_US, 0, 0, None)])
+    assert world.one("select count(*) from semap.track_state") == 0
+
+
+@given(st.lists(st.tuples(st.integers(1, 9), st.integers(0, 10**12), st.floats(-1e7, 1e7), st.floats(-1e7, 1e7),
+                          st.one_of(st.none(), st.floats(-1e7, 1e7)), st.one_of(st.none(), st.floats(0, 9, width=32)),
+                          st.booleans()), max_size=20))  # fmt: skip
+def test_packed_states_are_what_postgresql_reads(cluster_table: str, rows: list[tuple]) -> None:
+    with connect(cluster_table) as connection, connection.cursor() as cursor:
+        cursor.execute("truncate states")
+        columns = [np.array([np.nan if v is None else v for v in column], dtype=dtype) for column, dtype in zip(
+            zip(*rows, strict=True) if rows else [[]] * 7,
+            (np.int64, np.int64, np.float64, np.float64, np.float64, np.float64, np.bool_), strict=True)]  # fmt: skip
+        with cursor.copy(f"copy states ({', '.join(COLUMNS)}) from stdin (format binary)") as copy:
+            copy.write(pack_states(*columns))
+        cursor.execute(
+            "select track_id, extract(epoch from stamp) * 1000000, x_m, y_m, z_m, std_m::float8, is_last from states"
+        )
+        assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, _as_stored(rows)))
+
+
+def _as_stored(rows: list[tuple]) -> list[tuple]:
+    from decimal import Decimal  # noqa: PLC0415
+
+    return [(r[0], Decimal(r[1]).quantize(Decimal("0.000000")), *map(_plain, r[2:6]), r[6]) for r in rows]
+
+
+def _plain(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+@pytest.fixture(scope="module")
+def cluster_table(cluster):
+    cluster.create_database("packed")
+    with connect(cluster.dsn("packed")) as connection:
+        connection.execute("create table states (track_id bigint, stamp timestamptz, x_m float8, y_m float8,"
+                           " z_m float8, std_m real, is_last boolean)")  # fmt: skip
+    yield cluster.dsn("packed")
+    cluster.drop_database("packed")

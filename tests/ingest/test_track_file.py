@@ -1,0 +1,127 @@
+"""Reading files of tracks: the usual forms, units, and what goes wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pytest
+from pyarrow import parquet
+from semap_ingest.track_file import Layout, fingerprint, read_tracks
+
+from semap.errors import InvalidInput
+from semap.timeline.stamp import parse_stamp
+
+NOON_US = parse_stamp("2026-01-31T12:00:00Z")
+
+
+def write(folder: Path, text: str, name: str = "walk.csv") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_usual_names_and_iso_stamps(tmp_path: Path) -> None:
+    path = write(tmp_path, "track,stamp,x_m,y_m,z_m,std_m\n"
+                 "ann,2026-01-31T12:00:00Z,1,2,0.5,0.1\n"
+                 "bob,2026-01-31T13:00:00.25+01:00,3,4,,\n")  # fmt: skip
+    tracks = read_tracks(path, Layout())
+    assert tracks.names == ("ann", "bob")
+    assert tracks.stamp_us.tolist() == [NOON_US, NOON_US + 250_000]
+    assert tracks.x_m.tolist() == [1, 3]
+    np.testing.assert_array_equal(tracks.z_m, [0.5, np.nan])
+    np.testing.assert_array_equal(tracks.std_m, [0.1, np.nan])
+    assert tracks.findings == ()
+
+
+def test_white_space_frames_and_centimetres_without_header(tmp_path: Path) -> None:
+    path = write(tmp_path, "# frames\n\n7 50 100 -60 176\n7 25 0 0 0\n", "walk.txt")
+    layout = Layout(names=("track", "frame", "x", "y", "z"), columns={"stamp": "frame"}, stamp_unit="25fps",
+                    epoch_us=NOON_US, unit="cm")  # fmt: skip
+    tracks = read_tracks(path, layout)
+    assert tracks.names == ("7",)
+    assert tracks.stamp_us.tolist() == [NOON_US + 1_000_000, NOON_US + 2_000_000]
+    np.testing.assert_allclose(tracks.y_m, [0, -0.6])
+    assert [f.action for f in tracks.findings] == ["note"]
+
+
+@pytest.mark.parametrize(("unit", "text"), [("s", "1628008099.976"), ("ms", "1628008099976"),
+                                            ("us", "1628008099976000"), ("ns", "1.628008099976e+18")])  # fmt: skip
+def test_units_of_stamps(tmp_path: Path, unit: str, text: str) -> None:
+    path = write(tmp_path, f"t;x;y\n{text};1;1\n")
+    tracks = read_tracks(path, Layout(track="robot", stamp_unit=unit))
+    assert tracks.stamp_us.tolist() == [1_628_008_099_976_000]
+
+
+def test_rows_that_cannot_be_used_are_left_out_and_told(tmp_path: Path) -> None:
+    path = write(tmp_path, "track,t,x,y\na,1,1,1\na,2,nan,1\na,3,1,\na,,1,1\na,1,9,9\na,4,1e9,1\na,0,5,5\n")
+    tracks = read_tracks(path, Layout(stamp_unit="s"))
+    assert tracks.stamp_us.tolist() == [0, 1_000_000]
+    assert tracks.x_m.tolist() == [5, 1]
+    assert [(f.action, f.subject) for f in tracks.findings] == [
+        ("skipped", "4 rows"), ("note", "the order of rows"), ("skipped", "1 rows"),
+    ]  # fmt: skip
+    assert "line 3" in tracks.findings[0].reason
+
+
+@pytest.mark.parametrize(
+    ("text", "layout", "message"),
+    [
+        ("", Layout(), "no states"),
+        ("track,stamp,x,y\n", Layout(), "no states"),
+        ("1,2,3\n4,5,6\n", Layout(), "no header"),
+        ("track,stamp,x\na,1,1\n", Layout(stamp_unit="s"), "no column for the y"),
+        ("stamp,x,y\n1,1,1\n", Layout(stamp_unit="s"), "no column for the track"),
+        ("track,stamp,x,y\na,1,1,1\n", Layout(columns={"x": "easting"}), "'easting'"),
+        ("track,stamp,x,y\na,yesterday,1,1\n", Layout(), "ISO 8601"),
+        ("track,stamp,x,y\na,2026-01-31T12:00:00,1,1\n", Layout(), "no offset"),
+        ("track,stamp,x,y\na,1,one,1\n", Layout(stamp_unit="s"), "'one' is not a number"),
+        ("track,stamp,x,y\na,1,1,1\na,2\n", Layout(stamp_unit="s"), "line 3"),
+        ("track,stamp,x,y\na,1,1,1\n", Layout(stamp_unit="fortnight"), "'fortnight'"),
+        ("track,stamp,x,y\na,1,1,1\n", Layout(stamp_unit="s", unit="furlong"), "'furlong'"),
+        ("track,stamp,x,y\na,1,nan,1\n", Layout(stamp_unit="s"), "finite"),
+        ("\0\1\2\xff\n\0", Layout(), "column"),
+    ],
+)
+def test_what_cannot_be_read_is_told_with_its_remedy(
+    tmp_path: Path, text: str, layout: Layout, message: str
+) -> None:
+    with pytest.raises(InvalidInput, match=message) as wrong:
+        read_tracks(write(tmp_path, text), layout)
+    assert wrong.value.remedy
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="no file"):
+        read_tracks(tmp_path / "nowhere.csv", Layout())
+
+
+def test_parquet_gives_what_csv_gives(tmp_path: Path) -> None:
+    csv_path = write(
+        tmp_path, "track,stamp,x,y,z\nb,2026-01-31T12:00:01Z,1.5,2,\na,2026-01-31T12:00:00Z,3,4,1\n"
+    )
+    table = pyarrow.table({
+        "track": ["b", "a"],
+        "stamp": pyarrow.array([NOON_US + 1_000_000, NOON_US], pyarrow.timestamp("us", "UTC")),
+        "x": [1.5, 3.0], "y": [2, 4], "z": [None, 1.0],
+    })  # fmt: skip
+    parquet.write_table(table, tmp_path / "walk.parquet")
+    from_csv, from_parquet = read_tracks(csv_path, Layout()), read_tracks(tmp_path / "walk.parquet", Layout())
+    assert from_parquet.names == from_csv.names == ("a", "b")
+    for name in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"):
+        np.testing.assert_array_equal(getattr(from_parquet, name), getattr(from_csv, name))
+
+
+def test_a_broken_parquet_file(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="Parquet"):
+        read_tracks(write(tmp_path, "PAR1 no", "walk.parquet"), Layout())
+
+
+def test_the_fingerprint_is_that_of_bytes_and_layout(tmp_path: Path) -> None:
+    path = write(tmp_path, "track,stamp,x,y\n")
+    same = write(tmp_path, "track,stamp,x,y\n", "copy.csv")
+    assert fingerprint(path, Layout()) == fingerprint(same, Layout())
+    assert fingerprint(path, Layout()) != fingerprint(path, Layout(unit="cm"))
+    path.write_text("track,stamp,x,y\n\n")
+    assert fingerprint(path, Layout()) != fingerprint(same, Layout())

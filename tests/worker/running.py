@@ -1,0 +1,56 @@
+"""A rule worker in a thread, and the events that it wrote."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event as Signal
+from threading import Thread
+
+import psycopg
+
+from semap.store.database import connect
+from semap.worker.rule_worker import work
+
+PATIENCE_S = 20.0
+EVENTS = """
+    select seq, event_id::text, type, cause, track_name, instance_name, stamp, since, rule_version
+    from semap.event order by seq
+"""
+
+
+@contextmanager
+def running_worker(dsn: str) -> Iterator[Thread]:
+    stop = Signal()
+    thread = Thread(target=work, args=(dsn, stop), daemon=True)
+    thread.start()
+    try:
+        yield thread
+    finally:
+        stop.set()
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+
+
+def events(dsn: str) -> list[tuple]:
+    with connect(dsn) as connection:
+        return connection.execute(EVENTS).fetchall()
+
+
+def await_events(dsn: str, count: int) -> list[tuple]:
+    """All events as soon as there are `count`."""
+    with connect(dsn) as connection:
+        connection.execute("listen semap_event")
+        deadline_s = time.monotonic() + PATIENCE_S
+        while (there := _count(connection)) < count:
+            assert time.monotonic() < deadline_s, f"only {there} of {count} events came"
+            next(iter(connection.notifies(timeout=0.5, stop_after=1)), None)
+        assert there == count
+    return events(dsn)
+
+
+def _count(connection: psycopg.Connection) -> int:
+    row = connection.execute("select count(*) from semap.event").fetchone()
+    assert row is not None
+    return row[0]

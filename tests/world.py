@@ -1,0 +1,157 @@
+"""A map, tracks and their states, written by plain SQL: for tests below the store."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from uuid import NAMESPACE_URL, uuid5
+
+import psycopg
+import shapely
+
+from semap.store.database import connect
+from semap.timeline.stamp import to_datetime
+
+SECOND_US = 1_000_000
+
+State = tuple[int, int, float, float, float | None] | tuple[int, int, float, float, float | None, bool]
+
+
+@dataclass
+class World:
+    """One map with the query track_in_room and the rule room_visits, and one source of tracks."""
+
+    dsn: str
+    name: str = "world"
+    connection: psycopg.Connection = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.connection = connect(self.dsn)
+        uid = uuid5(NAMESPACE_URL, self.name)
+        self.map_id = self.one(
+            "insert into semap.map (name, uid) values (%s, %s) returning map_id", self.name, uid
+        )
+        self.frame_id = self.one(
+            "insert into semap.frame (map_id, name) values (%s, 'map') returning frame_id", self.map_id
+        )
+        self.run("insert into semap.frame_pose (frame_id) values (%s)", self.frame_id)
+        self.query_id = self.one(
+            "insert into semap.continuous_query (map_id, name, object_concept_id)"
+            " select %s, 'track_in_room', concept_id from semap.concept where name = 'Room'"
+            " returning query_id",
+            self.map_id,
+        )
+        declaration = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
+        self.rule_id = self.one(
+            "insert into semap.rule (map_id, name, query_id, declaration)"
+            " values (%s, 'room_visits', %s, %s) returning rule_id",
+            self.map_id,
+            self.query_id,
+            json.dumps(declaration),
+        )
+        self.source_id = self.add_source("tracker")
+
+    def run(self, statement: str, *parameters: object) -> None:
+        self.connection.execute(statement, parameters)
+
+    def one(self, statement: str, *parameters: object):
+        return self.connection.execute(statement, parameters).fetchone()[0]
+
+    def rows(self, statement: str, *parameters: object) -> list[tuple]:
+        return self.connection.execute(statement, parameters).fetchall()
+
+    def add_source(self, name: str) -> int:
+        return self.one(
+            "insert into semap.source (map_id, name) values (%s, %s) returning source_id", self.map_id, name
+        )
+
+    def add_room(
+        self, name: str, footprint: shapely.Geometry, band: tuple[float, float] | None = None
+    ) -> int:
+        description_id = self.one(
+            "insert into semap.description (map_id) values (%s) returning description_id", self.map_id
+        )
+        instance_id = self.one(
+            "insert into semap.instance (map_id, uid, name, concept_id, frame_id, absolute_description_id)"
+            " select %s, %s, %s, concept_id, %s, %s from semap.concept where name = 'Room'"
+            " returning instance_id",
+            self.map_id,
+            uuid5(NAMESPACE_URL, name),
+            name,
+            self.frame_id,
+            description_id,
+        )
+        low, high = band or (None, None)
+        self.run(
+            "insert into semap.abstraction (description_id, type, geometry, z_min_m, z_max_m)"
+            " values (%s, 'Footprint', %s, %s, %s)",
+            description_id,
+            shapely.to_wkb(footprint, hex=True),
+            low,
+            high,
+        )
+        return instance_id
+
+    def edit_room(
+        self, name: str, footprint: shapely.Geometry, band: tuple[float, float] | None = None
+    ) -> None:
+        low, high = band or (None, None)
+        self.run(
+            "update semap.abstraction a set geometry = %s, z_min_m = %s, z_max_m = %s from semap.instance i"
+            " where i.map_id = %s and i.name = %s and a.description_id = i.absolute_description_id",
+            shapely.to_wkb(footprint, hex=True),
+            low,
+            high,
+            self.map_id,
+            name,
+        )
+
+    def delete_room(self, name: str) -> None:
+        self.run("delete from semap.instance where map_id = %s and name = %s", self.map_id, name)
+
+    def add_track(self, name: str, source_id: int | None = None) -> int:
+        return self.one(
+            "insert into semap.track (uid, source_id, map_id, name) values (%s, %s, %s, %s)"
+            " returning track_id",
+            uuid5(NAMESPACE_URL, f"{self.name}/{name}"),
+            source_id or self.source_id,
+            self.map_id,
+            name,
+        )
+
+    def end_track(self, track_id: int, stamp_us: int) -> None:
+        self.run("update semap.track set ended_at = %s where track_id = %s", to_datetime(stamp_us), track_id)
+
+    def add_states(self, states: Sequence[State]) -> None:
+        """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""
+        statement = "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, is_last) from stdin"
+        with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
+            for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
+                copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
+
+    def changes(self) -> list[tuple[str, str, str, str, int]]:
+        """Track, room, kind, cause and stamp [us] of every change, as they were written."""
+        return [
+            (track, room, kind, cause, int(stamp_us))
+            for track, room, kind, cause, stamp_us in self.rows(
+                "select track_name, instance_name, kind::text, cause::text,"
+                " extract(epoch from stamp) * 1000000 from semap.relation_change"
+                " where map_id = %s order by change_id",
+                self.map_id,
+            )
+        ]
+
+    def relations(self) -> set[tuple[str, str, int]]:
+        """Track, room and since [us] of every relation that holds."""
+        return {
+            (track, room, int(since_us))
+            for track, room, since_us in self.rows(
+                "select track, instance, extract(epoch from since) * 1000000 from semap.relation_now"
+                " where map_id = %s",
+                self.map_id,
+            )
+        }
+
+    def close(self) -> None:
+        self.connection.close()
