@@ -67,6 +67,11 @@ begin
   cross join lateral generate_series(floor(e.x_min_m / m.cell_m)::integer, floor(e.x_max_m / m.cell_m)::integer) cell_x
   cross join lateral generate_series(floor(e.y_min_m / m.cell_m)::integer, floor(e.y_max_m / m.cell_m)::integer) cell_y
   where r.region_id = any (p_region_ids);
+
+  -- many new rows at once, as after an import: the plans of the triggers should know of them at once
+  if cardinality(p_region_ids) >= 100 then
+    analyze semap.region, semap.region_cell, semap.region_edge;
+  end if;
 end $$;
 comment on function semap.index_regions is
   'Write the cells and edges of these regions anew.';

@@ -4,6 +4,9 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   insert into semap.track_now (track_id, source_id, map_id, cell_m)
   select n.track_id, n.source_id, n.map_id, m.cell_m from new_track n join semap.map m using (map_id);
+  if (select count(*) from new_track) >= 100 then
+    analyze semap.track, semap.track_now;
+  end if;
   return null;
 end $$;
 comment on function semap.track_inserted is
@@ -34,18 +37,28 @@ begin
   perform semap.hold_regions();
   perform semap.hold_source(v_source_id);
 
-  select min(n.track_id) filter (where t.track_id is null),
-         min(n.track_id) filter (where t.source_id <> v_source_id),
-         count(*) filter (where n.stamp <= t.stamp),
-         array_agg(distinct n.track_id) filter (where not (
-           n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m
-           and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
-           and case when n.z_m is null then t.calm_z_min_m is null
-                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
-           and not n.is_last) is true),
-         bool_or(not t.live), bool_or(n.is_last)
+  -- the place (ctid) of a present stays as it is: its source is held, and so are the regions
+  with seen as materialized (
+    select n.*, t.ctid as place, t.source_id, t.stamp as present, t.live,
+           (n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m
+            and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
+            and case when n.z_m is null then t.calm_z_min_m is null
+                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
+            and not n.is_last) is true as calm
+    from new_state n left join semap.track_now t using (track_id)
+  ), moved as (
+    update semap.track_now t
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m
+    from (select distinct on (track_id) * from seen
+          where track_id not in (select track_id from seen where not calm)
+          order by track_id, stamp desc) s
+    where t.ctid = s.place and s.stamp > s.present
+  )
+  select min(track_id) filter (where place is null), min(track_id) filter (where source_id <> v_source_id),
+         count(*) filter (where stamp <= present), array_agg(distinct track_id) filter (where not calm),
+         bool_or(not live), bool_or(is_last)
     into v_unknown, v_foreign, v_late, v_restless, v_revives, v_ends
-  from new_state n left join semap.track_now t using (track_id);
+  from seen;
 
   if v_unknown is not null then
     raise exception 'There is no track %.', v_unknown
@@ -58,11 +71,6 @@ begin
   if v_late > 0 then
     update semap.source set late_states = late_states + v_late where source_id = v_source_id;
   end if;
-
-  update semap.track_now t
-  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m
-  from (select distinct on (track_id) * from new_state order by track_id, stamp desc) n
-  where t.track_id = n.track_id and n.stamp > t.stamp and t.track_id <> all (coalesce(v_restless, '{}'));
 
   if v_restless is not null then
     with located as (

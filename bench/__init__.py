@@ -1,0 +1,1 @@
+"""Benchmarks: every figure that the documentation states is measured here. Run with ./dev bench."""

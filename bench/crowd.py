@@ -1,0 +1,106 @@
+"""A floor of rooms and a crowd that moves on it: the load of the benchmarks, the same at every run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import psycopg
+import shapely
+from numpy.typing import NDArray
+from semap_ingest.state_copy import pack_states
+
+ROOM_X_M, ROOM_Y_M = 5.0, 4.0
+SPEED_MPS = 1.4
+RATE_HZ = 15.0
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Rooms side by side, each with a corner cut out (concave)."""
+
+    columns: int
+    rows: int
+
+    def rooms(self) -> list[shapely.Polygon]:
+        outline = np.array([(0, 0), (5, 0), (5, 3), (4, 3), (4, 4), (0, 4)], dtype=np.float64)
+        return [
+            shapely.Polygon(outline + np.array([column * ROOM_X_M, row * ROOM_Y_M]))
+            for row in range(self.rows)
+            for column in range(self.columns)
+        ]
+
+    def size_m(self) -> NDArray[np.float64]:
+        return np.array([self.columns * ROOM_X_M, self.rows * ROOM_Y_M])
+
+
+def walk(floor: Floor, tracks: int, frames: int, pause_s: float, seed: int = 1) -> NDArray[np.float64]:
+    """Positions of people who walk to a place up to two rooms away, pause, and walk on.
+
+    pause_s  the longest pause; pauses are uniform from 0
+    returns  (frames, tracks, 2) [m]
+    """
+    dice = np.random.default_rng(seed)
+    size = floor.size_m()
+    place = dice.uniform(0, 1, (tracks, 2)) * size
+    goal = place.copy()
+    rest = dice.uniform(0, pause_s, tracks)
+    places = np.empty((frames, tracks, 2))
+    for frame in range(frames):
+        way = goal - place
+        left = np.hypot(*way.T)
+        step = SPEED_MPS / RATE_HZ
+        arrived = left <= step
+        rest[arrived] -= 1 / RATE_HZ
+        place = np.where(arrived[:, None], goal, place + way * (step / np.maximum(left, step))[:, None])
+        leaves = arrived & (rest <= 0)
+        goal[leaves] = np.clip(place + dice.normal(0, 4, (tracks, 2)), 0.01, size - 0.01)[leaves]
+        rest[leaves] = dice.uniform(0, pause_s, tracks)[leaves]
+        places[frame] = place
+    return places
+
+
+def batches(track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us: int) -> list[bytes]:
+    """One COPY a frame, of one state of every track."""
+    tracks = len(track_ids)
+    return [
+        pack_states(
+            track_ids, np.full(tracks, first_us + round(frame * 1e6 / RATE_HZ)), x_m, y_m,
+            np.full(tracks, 1.0), np.full(tracks, 0.05), np.zeros(tracks, dtype=np.bool_),
+        )
+        for frame, (x_m, y_m) in enumerate(places.transpose(0, 2, 1))
+    ]  # fmt: skip
+
+
+def build_map(
+    connection: psycopg.Connection, name: str, rooms: list[shapely.Polygon], tracks: int
+) -> tuple[int, NDArray[np.int64]]:
+    """A map of rooms with its query and rule, a source and tracks; its id and the tracks' ids."""
+    from uuid import uuid4  # noqa: PLC0415
+
+    from semap.model.building import Building, HeightBand, Item  # noqa: PLC0415
+    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.maps import create_map, import_building  # noqa: PLC0415
+
+    items = tuple(
+        Item(uid=uuid4(), name=f"room {i}", concept="Room", footprint=room, band=HeightBand(0, 3))
+        for i, room in enumerate(rooms)
+    )
+    engine = open_engine(connection.info.dsn)
+    with engine.begin() as c:
+        create_map(c, name)
+        import_building(c, name, Building((), items))
+    engine.dispose()
+    (map_id,) = connection.execute("select map_id from semap.map where name = %s", [name]).fetchone() or (0,)
+    (source_id,) = connection.execute(
+        "insert into semap.source (map_id, name) values (%s, 'crowd') returning source_id", [map_id]
+    ).fetchone() or (0,)
+    connection.execute(
+        "insert into semap.track (uid, source_id, map_id, name)"
+        " select gen_random_uuid(), %s, %s, 'track ' || n from generate_series(1, %s) n",
+        [source_id, map_id, tracks],
+    )
+    ids = connection.execute(
+        "select track_id from semap.track where map_id = %s order by 1", [map_id]
+    ).fetchall()
+    return map_id, np.array([track_id for (track_id,) in ids], dtype=np.int64)

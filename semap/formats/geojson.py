@@ -1,0 +1,270 @@
+"""Floor plans in GeoJSON (RFC 7946), but in metres of the map frame instead of degrees.
+
+Polygons are rooms, lines and points are openings, unless `concept` says otherwise. Properties:
+
+name         identity; without it the feature's id; without both the feature is skipped
+concept      default Room (polygons) or Opening (lines, points)
+alias        what people call it
+height_m     extrudes a polygon over [elevation_m, elevation_m + height_m); without it no body, no band
+elevation_m  default 0
+storey       name of its storey, whose elevation is that of its lowest feature
+joins        names of the rooms on both sides; without it they are found from the shapes
+
+Every other property becomes an attribute. A line's opening stands at its middle, x along the line, and
+gets its length as the attribute `width_m`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from uuid import UUID, uuid5
+
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Polygon
+
+from semap.errors import InvalidInput
+from semap.formats.adjacency import joined_rooms
+from semap.formats.geojson_shape import Shape, ShapeError, parse_shape
+from semap.formats.source import read_bytes
+from semap.geometry.pose import pose_from_yaw
+from semap.geometry.prism import extrude
+from semap.model.building import Building, Finding, HeightBand, Item, Storey
+from semap.model.pose import IDENTITY, Pose
+
+NAMESPACE = UUID("5c1f6f0e-6d0a-5b0e-9d53-3c1a2e8f7b40")
+"""Names become uids in this namespace, so that reading a file twice gives the same building."""
+
+TINY_M = 0.1
+"""No building is smaller; a building in degrees is (0.1 degree is 11 km)."""
+
+OPENING_CONCEPTS = {"Door", "Opening"}
+OWN_PROPERTIES = {"name", "concept", "alias", "height_m", "elevation_m", "storey", "joins"}
+METRES = "Project the coordinates to metres, for example with `ogr2ogr -t_srs EPSG:<zone>`."
+
+
+def read_geojson(path: Path) -> Building:
+    """Read a floor plan from a file; see `parse_geojson`."""
+    try:
+        document = json.loads(read_bytes(path).decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput(f"not JSON: {error}", "Give a GeoJSON file in UTF-8.", str(path)) from error
+    return parse_geojson(document, where=str(path))
+
+
+def parse_geojson(document: object, where: str = "") -> Building:
+    """The building that a GeoJSON document describes, with what was repaired or skipped.
+
+    document  as `json.loads` gives it
+    where     names the document in errors
+    raises    InvalidInput if it is no feature collection, is in degrees, repeats a name, has values that
+              are not finite, or has no usable feature
+    """
+    features = _features(document, where)
+    findings: list[Finding] = []
+    drafts = [
+        draft
+        for index, feature in enumerate(features)
+        if (draft := _draft(feature, f"{where} features[{index}]".strip(), findings)) is not None
+    ]
+    _refuse_degrees(document, drafts, where)
+    if not drafts:
+        raise InvalidInput(
+            "no feature can be used: " + "; ".join(f"{f.subject}: {f.reason}" for f in findings),
+            "Give at least one polygon with a `name` property.",
+            where,
+        )
+    storeys = _storeys(drafts)
+    _refuse_duplicates([*(draft.item.name for draft in drafts), *(storey.name for storey in storeys)], where)
+    items = _with_joins(drafts, findings)
+    return Building(storeys, items, tuple(findings))
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """An item before its joins are known; `joins` None: the file does not say."""
+
+    item: Item
+    shape: Shape
+    elevation_m: float
+    joins: tuple[str, ...] | None
+
+    @property
+    def is_opening(self) -> bool:
+        return not isinstance(self.shape, Polygon | MultiPolygon) or self.item.concept in OPENING_CONCEPTS
+
+
+def _features(document: object, where: str) -> list[object]:
+    if not isinstance(document, Mapping) or document.get("type") != "FeatureCollection":
+        raise InvalidInput(
+            "not a GeoJSON FeatureCollection", 'Wrap the features in {"type": "FeatureCollection"}.', where
+        )
+    features = document.get("features")
+    if not isinstance(features, list):
+        raise InvalidInput("`features` is not a list", "Give a list of GeoJSON features.", where)
+    return features
+
+
+def _draft(feature: object, where: str, findings: list[Finding]) -> _Draft | None:
+    if not isinstance(feature, Mapping) or feature.get("type") != "Feature":
+        findings.append(Finding("skipped", where, "not a GeoJSON feature"))
+        return None
+    properties = feature.get("properties") or {}
+    if not isinstance(properties, Mapping):
+        raise InvalidInput("`properties` is not an object", "Give an object or null.", where)
+    name = _name(properties, feature.get("id"))
+    if name is None:
+        findings.append(Finding("skipped", where, "it has neither a `name` nor an id"))
+        return None
+    where = f"{where} {name!r}"
+    _refuse_unstorable(dict(properties) | {"name": name}, where)
+    try:
+        shape, notes = parse_shape(feature.get("geometry"), where)
+    except ShapeError as error:
+        findings.append(Finding("skipped", name, str(error)))
+        return None
+    findings.extend(Finding(note.action, name, note.reason) for note in notes)
+    return _draft_of_shape(name, shape, properties, where)
+
+
+def _draft_of_shape(name: str, shape: Shape, properties: Mapping[str, object], where: str) -> _Draft:
+    footprint = shape if isinstance(shape, Polygon | MultiPolygon) else None
+    elevation_m = _number(properties, "elevation_m", where) or 0.0
+    height_m = _number(properties, "height_m", where)
+    if height_m is not None and height_m <= 0:
+        raise InvalidInput(f"`height_m` is {height_m}", "Give a height greater than zero.", where)
+    band = None if height_m is None else HeightBand(elevation_m, elevation_m + height_m)
+    attributes = {key: value for key, value in properties.items() if key not in OWN_PROPERTIES}
+    if isinstance(shape, LineString):
+        attributes.setdefault("width_m", shape.length)
+    item = Item(
+        uid=uuid5(NAMESPACE, name),
+        name=name,
+        concept=_text(properties, "concept", where) or ("Opening" if footprint is None else "Room"),
+        alias=_text(properties, "alias", where),
+        storey=_text(properties, "storey", where),
+        pose=IDENTITY if footprint is not None else _pose(shape, elevation_m),
+        body=None if footprint is None or band is None else extrude(footprint, band.z_min_m, band.z_max_m),
+        footprint=footprint,
+        band=band,
+        attributes=attributes,
+    )
+    return _Draft(item, shape, elevation_m, _joins(properties, where))
+
+
+def _pose(shape: Shape, elevation_m: float) -> Pose:
+    """Where an opening stands: a point, or the middle of a line with x along it."""
+    ends = shapely.get_coordinates(shape)[[0, -1]]
+    along = ends[1] - ends[0]
+    middle = shape.interpolate(0.5, normalized=True) if isinstance(shape, LineString) else shape.centroid
+    return pose_from_yaw(middle.x, middle.y, elevation_m, float(np.arctan2(along[1], along[0])))
+
+
+def _name(properties: Mapping[str, object], feature_id: object) -> str | None:
+    for value in (properties.get("name"), feature_id):
+        if isinstance(value, str | int) and not isinstance(value, bool) and str(value).strip():
+            return str(value).strip()
+    return None
+
+
+def _text(properties: Mapping[str, object], key: str, where: str) -> str | None:
+    value = properties.get(key)
+    if value is None or value == "":
+        return None
+    if not isinstance(value, str):
+        raise InvalidInput(f"`{key}` is {value!r}", "Give a text.", where)
+    return value
+
+
+def _number(properties: Mapping[str, object], key: str, where: str) -> float | None:
+    value = properties.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e6:
+        raise InvalidInput(f"`{key}` is {value!r}", "Give a number of metres.", where)
+    return float(value)
+
+
+def _joins(properties: Mapping[str, object], where: str) -> tuple[str, ...] | None:
+    names = properties.get("joins")
+    if names is None:
+        return None
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InvalidInput(f"`joins` is {names!r}", "Give a list of room names.", where)
+    return tuple(dict.fromkeys(names))
+
+
+def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ...]:
+    rooms = {draft.item.name: draft for draft in drafts if not draft.is_opening}
+    items: list[Item] = []
+    for draft in drafts:
+        if draft.joins is not None:
+            unknown = [name for name in draft.joins if name not in rooms]
+            findings.extend(
+                Finding("note", draft.item.name, f"it joins {name!r}, which is no room of this file")
+                for name in unknown
+            )
+            joins = tuple(name for name in draft.joins if name in rooms)
+        elif draft.is_opening:
+            nearby = {
+                name: room.item.footprint
+                for name, room in rooms.items()
+                if room.item.storey == draft.item.storey and room.item.footprint is not None
+            }
+            joins = joined_rooms(draft.shape, nearby)
+        else:
+            joins = ()
+        items.append(replace(draft.item, joins=joins))
+    return tuple(items)
+
+
+def _storeys(drafts: list[_Draft]) -> tuple[Storey, ...]:
+    elevations_m: dict[str, float] = {}
+    for draft in drafts:
+        if (name := draft.item.storey) is not None:
+            elevations_m[name] = min(draft.elevation_m, elevations_m.get(name, draft.elevation_m))
+    return tuple(
+        Storey(uuid5(NAMESPACE, f"storey {name}"), name, elevation_m)
+        for name, elevation_m in elevations_m.items()
+    )
+
+
+def _refuse_degrees(document: object, drafts: list[_Draft], where: str) -> None:
+    crs = json.dumps(document.get("crs"), default=str) if isinstance(document, Mapping) else ""
+    if any(geographic in crs for geographic in ("CRS84", "4326", "4979", "4258")):
+        raise InvalidInput(f"the coordinates are degrees: its `crs` is {crs}", METRES, where)
+    if drafts:
+        west, south, east, north = shapely.total_bounds([draft.shape for draft in drafts])
+        if max(east - west, north - south) < TINY_M and any(d.shape.length > 0 for d in drafts):
+            raise InvalidInput(
+                f"the whole building is {max(east - west, north - south):.2g} wide, so these are degrees",
+                METRES,
+                where,
+            )
+
+
+def _refuse_duplicates(names: Iterable[str], where: str) -> None:
+    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
+    if repeated:
+        raise InvalidInput(
+            f"these names are given more than once: {', '.join(map(repr, repeated))}",
+            "Give every feature and storey a name of its own.",
+            where,
+        )
+
+
+def _refuse_unstorable(properties: Mapping[str, object], where: str) -> None:
+    """PostgreSQL stores neither NaN in JSON nor the character NUL nor half a surrogate pair in text."""
+    try:
+        text = json.dumps(properties, allow_nan=False, ensure_ascii=False)
+        text.encode()
+    except (ValueError, RecursionError) as error:
+        raise InvalidInput(
+            f"a property cannot be stored: {error}", "Give finite numbers and plain text.", where
+        ) from error
+    if "\\u0000" in text:
+        raise InvalidInput("a property has the character NUL", "Remove it.", where)

@@ -1,0 +1,66 @@
+"""Prisms: a footprint carried from one height to another."""
+
+from __future__ import annotations
+
+import mapbox_earcut
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
+
+from semap.errors import InvalidInput
+from semap.model.building import Mesh
+
+
+def extrude(footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -> Mesh:
+    """The prism over a footprint, normals outwards; its holes become shafts, its parts separate prisms.
+
+    footprint  valid, not empty [m, map frame]
+    raises     InvalidInput if the footprint is empty or invalid, or if z_max_m is not above z_min_m
+    """
+    if footprint.is_empty or not footprint.is_valid:
+        raise InvalidInput("a footprint that is empty or crosses itself", "Give a valid polygon.")
+    if not (np.isfinite([z_min_m, z_max_m]).all() and z_max_m > z_min_m):
+        raise InvalidInput(
+            f"a prism from {z_min_m} m to {z_max_m} m has no height", "Give a height greater than zero."
+        )
+    prisms = [_extrude_part(part, z_min_m, z_max_m) for part in shapely.get_parts(footprint)]
+    starts = np.cumsum([0, *(len(prism.vertices_m) for prism in prisms[:-1])])
+    return Mesh(
+        np.concatenate([prism.vertices_m for prism in prisms]),
+        np.concatenate([prism.faces + start for prism, start in zip(prisms, starts, strict=True)]),
+    )
+
+
+def _extrude_part(part: Polygon, z_min_m: float, z_max_m: float) -> Mesh:
+    outline = orient(part)
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in (outline.exterior, *outline.interiors)]
+    corners = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings])
+    top = _counter_clockwise(
+        corners, mapbox_earcut.triangulate_float64(corners, ends.astype(np.uint32)).reshape(-1, 3)
+    )
+    count = len(corners)
+    here = np.arange(count)
+    following = here + 1
+    following[ends - 1] = [0, *ends[:-1]]
+    walls = np.concatenate(
+        [
+            np.column_stack([here, following, following + count]),
+            np.column_stack([here, following + count, here + count]),
+        ]
+    )
+    return Mesh(
+        np.concatenate([np.c_[corners, np.full(count, z_min_m)], np.c_[corners, np.full(count, z_max_m)]]),
+        np.concatenate([top[:, ::-1], top + count, walls]),
+    )
+
+
+def _counter_clockwise(corners: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """The same triangles, each turned so that its signed area is not negative."""
+    turned = faces.astype(np.int64)
+    a, b, c = (corners[turned[:, i]] for i in range(3))
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    turned[clockwise] = turned[clockwise, ::-1]
+    return turned

@@ -1,0 +1,167 @@
+"""Instances: the things of a map, found and read.
+
+What is shown is absolute: poses and outlines in the map frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+import shapely
+from sqlalchemy import Connection, Select, func, select, text
+
+from semap.errors import NotFound
+from semap.geometry.pose import pose_from_matrix
+from semap.model.building import HeightBand
+from semap.model.pose import Pose
+from semap.store.database import translated
+from semap.store.placement import map_from_frames
+from semap.store.tables import abstraction, concept, door_room, geometry, instance, map_
+
+ABOVE = instance.alias("storey")
+
+
+@dataclass(frozen=True)
+class Instance:
+    """An instance as lists show it; `storey` is the name of the storey that it is on."""
+
+    instance_id: int
+    uid: UUID
+    map: str
+    name: str
+    alias: str | None
+    concept: str
+    storey: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceDetail:
+    """All that is known of an instance.
+
+    pose       map_T_instance
+    footprint  in the map frame [m]; None where there is none
+    band       heights of the footprint; None: every height
+    joins      for a door the rooms on both sides, for a room its doors: names by id
+    """
+
+    instance: Instance
+    pose: Pose
+    footprint: shapely.Geometry | None
+    band: HeightBand | None
+    joins: Mapping[int, str]
+    has_body: bool
+    attributes: Mapping[str, object]
+    created_at: datetime
+    updated_at: datetime
+
+
+def list_instances(
+    connection: Connection,
+    *,
+    map_name: str | None = None,
+    concept_name: str | None = None,
+    name: str | None = None,
+    after: int = 0,
+    limit: int = 100,
+) -> tuple[Instance, ...]:
+    """At most `limit` instances in the order of their ids, from the first after `after`.
+
+    concept_name  this concept or any below it
+    name          the whole name or alias, in any case
+    """
+    found = _INSTANCES.where(instance.c.instance_id > after).order_by(instance.c.instance_id).limit(limit)
+    if map_name is not None:
+        found = found.where(map_.c.name == map_name)
+    if concept_name is not None:
+        below = func.semap.concepts_below(
+            select(concept.c.concept_id).where(concept.c.name == concept_name).scalar_subquery()
+        )
+        found = found.where(instance.c.concept_id.in_(select(below.column_valued("concept_id"))))
+    if name is not None:
+        wanted = func.lower(name)
+        found = found.where(
+            (func.lower(instance.c.name) == wanted) | (func.lower(instance.c.alias) == wanted)
+        )
+    with translated():
+        return tuple(Instance(*row) for row in connection.execute(found))
+
+
+def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
+    """raises NotFound"""
+    with translated():
+        row = connection.execute(_DETAILS.where(instance.c.instance_id == instance_id)).one_or_none()
+    if row is None:
+        raise NotFound("instance", instance_id, "List the instances to see their ids.")
+    frame_id, wkb, z_min_m, z_max_m, has_body, attributes, created_at, updated_at = row[7:]
+    return InstanceDetail(
+        instance=Instance(*row[:7]),
+        pose=pose_from_matrix(map_from_frames(connection, [frame_id])[frame_id]),
+        footprint=None if wkb is None else shapely.from_wkb(bytes(wkb)),
+        band=None if z_min_m is None or z_max_m is None else HeightBand(z_min_m, z_max_m),
+        joins=_joins(connection, instance_id),
+        has_body=has_body,
+        attributes=attributes,
+        created_at=created_at,
+        updated_at=updated_at,
+    )
+
+
+def _joins(connection: Connection, instance_id: int) -> dict[int, str]:
+    as_door = (
+        select(instance.c.instance_id, instance.c.name)
+        .join(door_room, door_room.c.room_id == instance.c.instance_id)
+        .where(door_room.c.door_id == instance_id)
+    )
+    as_room = (
+        select(instance.c.instance_id, instance.c.name)
+        .join(door_room, door_room.c.door_id == instance.c.instance_id)
+        .where(door_room.c.room_id == instance_id)
+    )
+    with translated():
+        rows = connection.execute(as_door.union(as_room).order_by(text("name"))).all()
+    return dict(rows)
+
+
+_COLUMNS = (
+    instance.c.instance_id,
+    instance.c.uid,
+    map_.c.name,
+    instance.c.name,
+    instance.c.alias,
+    concept.c.name,
+    ABOVE.c.name,
+)
+
+
+def _from_instances(*columns: Any) -> Select[Any]:
+    return (
+        select(*columns)
+        .select_from(instance)
+        .join(map_, map_.c.map_id == instance.c.map_id)
+        .join(concept, concept.c.concept_id == instance.c.concept_id)
+        .outerjoin(ABOVE, ABOVE.c.instance_id == instance.c.storey_id)
+    )
+
+
+_INSTANCES = _from_instances(*_COLUMNS)
+_DETAILS = _from_instances(
+    *_COLUMNS,
+    instance.c.frame_id,
+    func.public.st_asbinary(abstraction.c.geometry, type_=None),
+    abstraction.c.z_min_m,
+    abstraction.c.z_max_m,
+    select(geometry.c.geometry_id)
+    .where(geometry.c.description_id == instance.c.relative_description_id)
+    .exists(),
+    instance.c.attributes,
+    instance.c.created_at,
+    instance.c.updated_at,
+).outerjoin(
+    abstraction,
+    (abstraction.c.description_id == instance.c.absolute_description_id)
+    & (abstraction.c.type == "Footprint"),
+)

@@ -1,0 +1,369 @@
+"""The tables of the schema as the migrations leave them, for statements that Python composes.
+
+The migrations own the schema. What only the database itself uses (indexes, checks, defaults) is not
+repeated here; a test compares the columns, keys and references with a migrated database.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from geoalchemy2 import Geometry
+from sqlalchemy import (
+    ARRAY,
+    REAL,
+    BigInteger,
+    Boolean,
+    Column,
+    ColumnElement,
+    Double,
+    ForeignKey,
+    Identity,
+    Integer,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    Uuid,
+    any_,
+    literal,
+)
+from sqlalchemy.dialects.postgresql import ENUM, JSONB, TIMESTAMP
+from sqlalchemy.types import UserDefinedType
+
+METADATA = MetaData(schema="semap")
+
+STAMP = TIMESTAMP(timezone=True)
+CHANGE_KIND = ENUM("began", "ended", name="change_kind", schema="semap", create_type=False)
+CHANGE_CAUSE = ENUM(
+    "moved", "appeared", "disappeared", "map", name="change_cause", schema="semap", create_type=False
+)
+
+
+class PgLsn(UserDefinedType[str]):
+    """A place in the log of the server."""
+
+    cache_ok = True
+
+    def get_col_spec(self, **_: object) -> str:
+        return "pg_lsn"
+
+
+def one_of(column: Column[Any], values: Iterable[object]) -> ColumnElement[bool]:
+    """`column = any (values)`: one parameter, however many values there are."""
+    return column == any_(literal(list(values), ARRAY(column.type)))
+
+
+def _id(name: str, type_: type[Integer] = Integer) -> Column[int]:
+    return Column(name, type_, Identity(always=True), primary_key=True)
+
+
+def _ref(
+    name: str,
+    target: str,
+    ondelete: str | None = "CASCADE",
+    *,
+    nullable: bool = False,
+    unique: bool | None = None,
+    primary_key: bool = False,
+) -> Column[int]:
+    key = ForeignKey(f"semap.{target}", ondelete=ondelete)
+    return Column(name, key, nullable=nullable, unique=unique, primary_key=primary_key)
+
+
+def _shape(name: str, type_: str = "GEOMETRY", dimension: int = 2) -> Column[object]:
+    return Column(
+        name,
+        Geometry(type_, srid=-1, dimension=dimension, spatial_index=False),
+        nullable=False,
+    )
+
+
+def _doubles(*names: str, nullable: bool = False) -> tuple[Column[float], ...]:
+    return tuple(Column(name, Double, nullable=nullable) for name in names)
+
+
+def _text(name: str, nullable: bool = False) -> Column[str]:
+    return Column(name, Text, nullable=nullable)
+
+
+behaviour = Table("behaviour", METADATA, _text("checksum"), Column("applied_at", STAMP, nullable=False))
+
+map_ = Table(
+    "map",
+    METADATA,
+    _id("map_id"),
+    Column("uid", Uuid, nullable=False, unique=True),
+    Column("name", Text, nullable=False, unique=True),
+    Column("cell_m", Double, nullable=False),
+    Column("created_at", STAMP, nullable=False),
+)
+
+concept = Table(
+    "concept",
+    METADATA,
+    _id("concept_id"),
+    Column("name", Text, nullable=False, unique=True),
+    _ref("parent_id", "concept.concept_id", None, nullable=True),
+)
+
+frame = Table(
+    "frame",
+    METADATA,
+    _id("frame_id", BigInteger),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    _ref("parent_id", "frame.frame_id", nullable=True),
+    UniqueConstraint("map_id", "name"),
+)
+
+frame_pose = Table(
+    "frame_pose",
+    METADATA,
+    _ref("frame_id", "frame.frame_id", primary_key=True),
+    Column("stamp", STAMP, primary_key=True),
+    *_doubles("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
+)
+
+description = Table("description", METADATA, _id("description_id", BigInteger), _ref("map_id", "map.map_id"))
+
+geometry = Table(
+    "geometry",
+    METADATA,
+    _id("geometry_id", BigInteger),
+    _ref("description_id", "description.description_id"),
+    _text("type"),
+    _shape("body", "GEOMETRYZ", 3),
+    UniqueConstraint("description_id", "type"),
+)
+
+abstraction = Table(
+    "abstraction",
+    METADATA,
+    _id("abstraction_id", BigInteger),
+    _ref("description_id", "description.description_id"),
+    _text("type"),
+    _shape("geometry"),
+    *_doubles("z_min_m", "z_max_m", nullable=True),
+    UniqueConstraint("description_id", "type"),
+)
+
+instance = Table(
+    "instance",
+    METADATA,
+    _id("instance_id", BigInteger),
+    Column("uid", Uuid, nullable=False),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    _text("alias", nullable=True),
+    _ref("concept_id", "concept.concept_id", None),
+    _ref("frame_id", "frame.frame_id", None),
+    _ref("relative_description_id", "description.description_id", None, nullable=True, unique=True),
+    _ref("absolute_description_id", "description.description_id", None, nullable=True, unique=True),
+    _ref("storey_id", "instance.instance_id", "SET NULL", nullable=True),
+    Column("attributes", JSONB, nullable=False),
+    Column("created_at", STAMP, nullable=False),
+    Column("updated_at", STAMP, nullable=False),
+    UniqueConstraint("map_id", "name"),
+    UniqueConstraint("map_id", "uid"),
+)
+
+door_room = Table(
+    "door_room",
+    METADATA,
+    _ref("door_id", "instance.instance_id", primary_key=True),
+    _ref("room_id", "instance.instance_id", primary_key=True),
+)
+
+source = Table(
+    "source",
+    METADATA,
+    _id("source_id"),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    Column("watermark", STAMP, nullable=False),
+    Column("late_states", BigInteger, nullable=False),
+    UniqueConstraint("map_id", "name"),
+)
+
+recording = Table(
+    "recording",
+    METADATA,
+    _id("recording_id"),
+    _ref("source_id", "source.source_id"),
+    _text("fingerprint"),
+    _text("path"),
+    Column("states_total", BigInteger, nullable=False),
+    Column("states_done", BigInteger, nullable=False),
+    Column("started_at", STAMP, nullable=False),
+    Column("finished_at", STAMP),
+    UniqueConstraint("source_id", "fingerprint"),
+)
+
+track = Table(
+    "track",
+    METADATA,
+    _id("track_id", BigInteger),
+    Column("uid", Uuid, nullable=False, unique=True),
+    _ref("source_id", "source.source_id"),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    Column("ended_at", STAMP),
+    UniqueConstraint("source_id", "name"),
+)
+
+track_state = Table(
+    "track_state",
+    METADATA,
+    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
+    Column("stamp", STAMP, primary_key=True),
+    *_doubles("x_m", "y_m"),
+    *_doubles("z_m", nullable=True),
+    Column("std_m", REAL),
+    Column("is_last", Boolean, nullable=False),
+)
+
+track_now = Table(
+    "track_now",
+    METADATA,
+    _ref("track_id", "track.track_id", primary_key=True),
+    Column("source_id", Integer, nullable=False),
+    Column("map_id", Integer, nullable=False),
+    *_doubles("cell_m"),
+    Column("live", Boolean, nullable=False),
+    Column("stamp", STAMP, nullable=False),
+    *_doubles("x_m", "y_m", "z_m", nullable=True),
+    Column("std_m", REAL),
+    Column("region_ids", ARRAY(Integer), nullable=False),
+    *_doubles("calm_x_min_m", "calm_x_max_m", "calm_y_min_m", "calm_y_max_m"),
+    *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
+)
+
+continuous_query = Table(
+    "continuous_query",
+    METADATA,
+    _id("query_id"),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    _text("predicate"),
+    _ref("object_concept_id", "concept.concept_id", None),
+    Column("enabled", Boolean, nullable=False),
+    UniqueConstraint("map_id", "name"),
+)
+
+region = Table(
+    "region",
+    METADATA,
+    _id("region_id"),
+    Column("query_id", Integer, nullable=False),
+    _text("query_name"),
+    Column("instance_id", BigInteger, nullable=False),
+    Column("instance_uid", Uuid, nullable=False),
+    _text("instance_name"),
+    Column("map_id", Integer, nullable=False),
+    _shape("footprint"),
+    *_doubles("z_min_m", "z_max_m"),
+    UniqueConstraint("query_id", "instance_id"),
+)
+
+region_cell = Table(
+    "region_cell",
+    METADATA,
+    Column("map_id", Integer, primary_key=True, autoincrement=False),
+    Column("cell_x", Integer, primary_key=True, autoincrement=False),
+    Column("cell_y", Integer, primary_key=True, autoincrement=False),
+    _ref("region_id", "region.region_id", primary_key=True),
+    Column("whole", Boolean, nullable=False),
+    *_doubles("z_min_m", "z_max_m"),
+)
+
+region_edge = Table(
+    "region_edge",
+    METADATA,
+    Column("map_id", Integer, nullable=False),
+    Column("cell_x", Integer, nullable=False),
+    Column("cell_y", Integer, nullable=False),
+    _ref("region_id", "region.region_id"),
+    *_doubles("x_min_m", "x_max_m", "y_min_m", "y_max_m"),
+)
+
+relation = Table(
+    "relation",
+    METADATA,
+    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
+    Column("region_id", Integer, primary_key=True, autoincrement=False),
+    Column("query_id", Integer, nullable=False),
+    Column("instance_id", BigInteger, nullable=False),
+    Column("map_id", Integer, nullable=False),
+    Column("since", STAMP, nullable=False),
+)
+
+relation_change = Table(
+    "relation_change",
+    METADATA,
+    _id("change_id", BigInteger),
+    Column("uid", Uuid, nullable=False, unique=True),
+    Column("map_id", Integer, nullable=False),
+    Column("query_id", Integer, nullable=False),
+    _text("query_name"),
+    Column("track_id", BigInteger, nullable=False),
+    _text("track_name"),
+    Column("instance_id", BigInteger, nullable=False),
+    _text("instance_name"),
+    Column("kind", CHANGE_KIND, nullable=False),
+    Column("cause", CHANGE_CAUSE, nullable=False),
+    Column("stamp", STAMP, nullable=False),
+    Column("since", STAMP, nullable=False),
+    Column("received_at", STAMP, nullable=False),
+)
+
+rule = Table(
+    "rule",
+    METADATA,
+    _id("rule_id"),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    Column("version", Integer, nullable=False),
+    _ref("query_id", "continuous_query.query_id"),
+    Column("declaration", JSONB, nullable=False),
+    Column("enabled", Boolean, nullable=False),
+    UniqueConstraint("map_id", "name"),
+)
+
+progress = Table(
+    "progress",
+    METADATA,
+    Column("worker", Text, primary_key=True),
+    Column("lsn", PgLsn, nullable=False),
+    Column("event_seq", BigInteger, nullable=False),
+    Column("rule_state", JSONB, nullable=False),
+    Column("watermarks", JSONB, nullable=False),
+    Column("updated_at", STAMP, nullable=False),
+)
+
+event = Table(
+    "event",
+    METADATA,
+    Column("seq", BigInteger, primary_key=True, autoincrement=False),
+    Column("event_id", Uuid, nullable=False, unique=True),
+    Column("map_id", Integer, nullable=False),
+    _text("rule_name"),
+    Column("rule_version", Integer, nullable=False),
+    _text("type"),
+    Column("stamp", STAMP, nullable=False),
+    _text("cause"),
+    Column("track_id", BigInteger, nullable=False),
+    _text("track_name"),
+    Column("instance_id", BigInteger, nullable=False),
+    _text("instance_name"),
+    Column("since", STAMP, nullable=False),
+    Column("created_at", STAMP, nullable=False),
+)
+
+event_evidence = Table(
+    "event_evidence",
+    METADATA,
+    Column("event_id", ForeignKey("semap.event.event_id"), primary_key=True),
+    Column("change_uid", ForeignKey("semap.relation_change.uid"), primary_key=True),
+)

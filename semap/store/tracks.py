@@ -1,0 +1,100 @@
+"""Tracks with where they are now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from sqlalchemy import Connection, func, literal_column, select
+
+from semap.errors import NotFound
+from semap.store.database import translated
+from semap.store.tables import map_, source, track, track_now
+
+NEVER = literal_column("'-infinity'::timestamptz", track_now.c.stamp.type)
+
+
+@dataclass(frozen=True)
+class TrackState:
+    """Where a track was last seen, in the map frame; std_m is the standard deviation along each axis."""
+
+    stamp: datetime
+    x_m: float
+    y_m: float
+    z_m: float | None
+    std_m: float | None
+
+
+@dataclass(frozen=True)
+class Track:
+    """A track; `state` is None until its first state, `live` False before that and after its end."""
+
+    track_id: int
+    uid: UUID
+    map: str
+    source: str
+    name: str
+    live: bool
+    ended_at: datetime | None
+    state: TrackState | None
+
+
+def list_tracks(
+    connection: Connection,
+    *,
+    map_name: str | None = None,
+    name: str | None = None,
+    live: bool | None = None,
+    after: int = 0,
+    limit: int = 100,
+) -> tuple[Track, ...]:
+    """At most `limit` tracks in the order of their ids, from the first after `after`."""
+    found = _TRACKS.where(track.c.track_id > after).order_by(track.c.track_id).limit(limit)
+    if map_name is not None:
+        found = found.where(map_.c.name == map_name)
+    if name is not None:
+        found = found.where(track.c.name == name)
+    if live is not None:
+        found = found.where(track_now.c.live == live)
+    with translated():
+        return tuple(_track(row) for row in connection.execute(found))
+
+
+def get_track(connection: Connection, track_id: int) -> Track:
+    """raises NotFound"""
+    with translated():
+        row = connection.execute(_TRACKS.where(track.c.track_id == track_id)).one_or_none()
+    if row is None:
+        raise NotFound("track", track_id, "List the tracks to see their ids.")
+    return _track(row)
+
+
+def _track(row: Sequence[Any]) -> Track:
+    *known, stamp, x_m, y_m, z_m, std_m = row
+    state = None if stamp is None else TrackState(stamp, x_m, y_m, z_m, std_m)
+    return Track(*[*known, state])
+
+
+_TRACKS = (
+    select(
+        track.c.track_id,
+        track.c.uid,
+        map_.c.name,
+        source.c.name,
+        track.c.name,
+        track_now.c.live,
+        track.c.ended_at,
+        func.nullif(track_now.c.stamp, NEVER),
+        track_now.c.x_m,
+        track_now.c.y_m,
+        track_now.c.z_m,
+        track_now.c.std_m,
+    )
+    .select_from(track)
+    .join(track_now, track_now.c.track_id == track.c.track_id)
+    .join(map_, map_.c.map_id == track.c.map_id)
+    .join(source, source.c.source_id == track.c.source_id)
+)

@@ -1,0 +1,108 @@
+"""semap db"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from semap_service.cli.output import print_json
+from semap_service.cli.session import DATABASE, AsJson, Dsn, own_database
+
+
+def commands() -> typer.Typer:
+    app = typer.Typer(no_args_is_help=True, help="Look after the database: migrate, check, start, stop.")
+    app.command("migrate")(migrate)
+    app.command("status")(status)
+    app.command("start")(start)
+    app.command("stop")(stop)
+    app.command("resync")(resync)
+    return app
+
+
+def migrate(dsn: Dsn = None) -> None:
+    """Create or update semap's schema. Safe to run at any time, also twice at once."""
+    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.preflight import require_fit  # noqa: PLC0415
+    from semap.store.schema import head_version  # noqa: PLC0415
+    from semap.store.schema import migrate as bring_up_to_date  # noqa: PLC0415
+
+    if dsn is None:
+        with own_database():
+            typer.echo(f"The schema is at version {head_version()}.")
+        return
+    with connect(dsn) as connection:
+        require_fit(connection)
+    done = bring_up_to_date(dsn)
+    before = done.version_before or "nothing"
+    typer.echo(f"The schema is at version {done.version} (before: {before}).")
+
+
+def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
+    """Show where the database is, its schema, and how far the rule worker has come."""
+    from semap.store.database import connect, translated  # noqa: PLC0415
+    from semap_service.cli.session import database  # noqa: PLC0415
+
+    with database(dsn) as opened, connect(opened, "semap_read") as connection, translated():
+        row = connection.execute(
+            "select (select version_num from semap.schema_version), p.event_seq, p.updated_at,"
+            " pg_wal_lsn_diff(pg_current_wal_lsn(), s.confirmed_flush_lsn), coalesce(s.active, false)"
+            " from semap.progress p left join pg_replication_slots s on s.slot_name = semap.rule_slot()"
+            " where p.worker = 'rules'"
+        ).fetchone()
+        counts = connection.execute(
+            "select (select count(*) from semap.map), (select count(*) from semap.instance),"
+            " (select count(*) from semap.track), (select count(*) from semap.event)"
+        ).fetchone()
+    version, event_seq, updated_at, behind, active = row or (None, 0, None, None, False)
+    maps, instances, tracks, events = counts or (0, 0, 0, 0)
+    report = {
+        "dsn": opened,
+        "schema": version,
+        "maps": maps,
+        "instances": instances,
+        "tracks": tracks,
+        "events": events,
+        "last_event": event_seq,
+        "worker_running": active,
+        "worker_committed_at": updated_at,
+        "worker_behind_bytes": None if behind is None else int(behind),
+    }
+    if as_json:
+        print_json(report)
+        return
+    for name, value in report.items():
+        typer.echo(f"{name.replace('_', ' '):<20} {'-' if value is None else value}")
+
+
+def start() -> None:
+    """Start semap's own server and keep it running until `semap db stop`."""
+    from semap.cluster import default_home, keep_running  # noqa: PLC0415
+
+    cluster = keep_running(default_home())
+    with own_database():
+        typer.echo(f"Running. psql '{cluster.dsn(DATABASE)}'")
+
+
+def stop(
+    force: Annotated[bool, typer.Option("--force", help="Stop it although commands still use it.")] = False,
+) -> None:
+    """Stop semap's own server; without --force as soon as no command uses it."""
+    from semap.cluster import default_home, stop_keeping  # noqa: PLC0415
+
+    stopped = stop_keeping(default_home(), force=force)
+    typer.echo("Stopped." if stopped else "It stops as soon as the last command that uses it has ended.")
+
+
+def resync(dsn: Dsn = None) -> None:
+    """Make a lost replication slot again and catch up from the tables.
+
+    Needed where the slot was dropped, grew too old, or the database is a restored copy. Stop the rule
+    worker first.
+    """
+    from semap.worker.resync import resync as catch_up  # noqa: PLC0415
+    from semap_service.cli.session import database  # noqa: PLC0415
+
+    with database(dsn) as opened:
+        made = catch_up(opened)
+    typer.echo(f"The slot is there; {made} events were caught up.")

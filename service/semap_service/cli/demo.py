@@ -1,0 +1,168 @@
+"""semap demo"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semap_service.cli.processes import CHECK_S
+
+if TYPE_CHECKING:
+    import psycopg
+
+    from semap_service.demo.scenes import Scene
+
+EVENTS_AT_MOST = 40
+CAUGHT_UP_S = 30.0
+SINCE = """
+    select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance
+    from semap.event e where e.seq > %s order by e.seq
+"""
+
+
+def demo(
+    stay: Annotated[bool, typer.Option("--stay", help="Keep the service up until Ctrl-C.")] = False,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of the real data sets (flat/, bottleneck/).")
+    ] = None,
+    fast: Annotated[bool, typer.Option("--fast", help="Do not replay at a pace.")] = False,
+    port: Annotated[int, typer.Option(help="Port of the service; 0 for any free one.", min=0, max=65535)] = 0,
+) -> None:
+    """Show the whole way: buildings and movement go in, events come out.
+
+    Runs PostGIS, the rule worker and the service for itself, in a folder that is gone afterwards; your
+    own maps are not touched.
+    """
+    from semap_service.demo.scenes import scenes  # noqa: PLC0415
+    from semap_service.port import free_port, require_free  # noqa: PLC0415
+    from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
+
+    port = port or free_port()
+    require_free("127.0.0.1", port)
+    typer.echo("1. A PostGIS server of its own, in a temporary folder ...")
+    started_s = time.monotonic()
+    with _server() as dsn, Supervisor(dsn) as supervisor:
+        typer.echo(f"   up after {time.monotonic() - started_s:.1f} s, schema migrated.")
+        supervisor.start("work")
+        supervisor.start("serve", "--port", str(port))
+        typer.echo(f"2. The rule worker and the service: http://127.0.0.1:{port}/")
+        counts: Counter[str] = Counter()
+        chosen = scenes(data)
+        for number, scene in enumerate(chosen, 3):
+            typer.echo(f"{number}. {scene.title}")
+            _play(dsn, scene, None if fast else scene.pace, counts)
+        _say_what_next(counts, len(chosen), port, stay)
+        if stay:
+            stop = stop_signal()
+            while not stop.wait(CHECK_S):
+                supervisor.check()
+
+
+@contextmanager
+def _server() -> Iterator[str]:
+    from semap.cluster import lease  # noqa: PLC0415
+    from semap.store.schema import migrate  # noqa: PLC0415
+
+    folder = Path(tempfile.mkdtemp(prefix="semap-demo-"))
+    folder.chmod(0o711)
+    try:
+        with lease(folder) as cluster:
+            cluster.create_database("demo")
+            migrate(cluster.dsn("demo"))
+            yield cluster.dsn("demo")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _play(dsn: str, scene: Scene, pace: float | None, counts: Counter[str]) -> None:
+    """Import the building, replay the recording, print the events as they happen."""
+    from threading import Thread  # noqa: PLC0415
+
+    from semap_ingest.replay import Plan, replay  # noqa: PLC0415
+    from semap_ingest.track_file import fingerprint, read_tracks  # noqa: PLC0415
+
+    from semap.store.building import import_building  # noqa: PLC0415
+    from semap.store.database import connect, open_engine  # noqa: PLC0415
+    from semap.store.maps import create_map  # noqa: PLC0415
+    from semap_service.cli.maps import report_lines  # noqa: PLC0415
+
+    engine = open_engine(dsn, "semap_api")
+    with engine.begin() as connection:
+        create_map(connection, scene.name)
+        for line in report_lines(import_building(connection, scene.name, scene.building)):
+            typer.echo(f"   {line}")
+    engine.dispose()
+    tracks = read_tracks(scene.tracks, scene.layout)
+    length_s = (tracks.stamp_us[-1] - tracks.stamp_us[0]) / 1e6
+    speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
+    typer.echo(f"   Replaying {len(tracks)} states of {len(tracks.names)} tracks, {length_s:.0f} s, {speed}:")
+    plan = Plan(
+        scene.name, "recording", str(scene.tracks), fingerprint(scene.tracks, scene.layout), realtime=pace
+    )
+    with connect(dsn, "semap_read", application="semap demo") as reader:
+        reader.execute("listen semap_event")
+        first = last = _last_event(reader)
+        writer = Thread(target=replay, args=(dsn, plan, tracks), daemon=True)
+        writer.start()
+        deadline_s = float("inf")
+        while time.monotonic() < deadline_s and not (not writer.is_alive() and _all_made(reader, scene.name)):
+            next(iter(reader.notifies(timeout=0.2, stop_after=1)), None)
+            last = _print_events(reader, first, last, counts)
+            if not writer.is_alive() and deadline_s == float("inf"):
+                deadline_s = time.monotonic() + CAUGHT_UP_S
+        writer.join()
+        last = _print_events(reader, first, last, counts)
+        if last - first > EVENTS_AT_MOST:
+            typer.echo(f"   ... and {last - first - EVENTS_AT_MOST} more events.")
+
+
+def _print_events(reader: psycopg.Connection, first: int, last: int, counts: Counter[str]) -> int:
+    from semap_service.cli.events import sentence  # noqa: PLC0415
+
+    cursor = reader.execute(SINCE, [last])
+    columns = [column.name for column in cursor.description or ()]
+    for row in cursor.fetchall():
+        event = dict(zip(columns, row, strict=True))
+        counts[event["type"]] += 1
+        last = event["seq"]
+        if last - first <= EVENTS_AT_MOST:
+            typer.echo(f"   {sentence(event)}")
+    return last
+
+
+def _last_event(reader: psycopg.Connection) -> int:
+    row = reader.execute("select event_seq from semap.progress").fetchone()
+    return int(row[0]) if row else 0
+
+
+def _all_made(reader: psycopg.Connection, map_name: str) -> bool:
+    """Whether every change on the map has become its event."""
+    row = reader.execute(
+        "select (select count(*) from semap.relation_change where map_id = m.map_id)"
+        " = (select count(*) from semap.event where map_id = m.map_id) from semap.map m where m.name = %s",
+        [map_name],
+    ).fetchone()
+    return bool(row and row[0])
+
+
+def _say_what_next(counts: Counter[str], scenes: int, port: int, stay: bool) -> None:
+    made = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    typer.echo(f"{3 + scenes}. Done: {sum(counts.values())} events ({made}).")
+    if stay:
+        typer.echo(f"   The service stays up until Ctrl-C. Try, for example:\n"
+                   f"     curl 'http://127.0.0.1:{port}/rooms?map=office'\n"
+                   f"     curl 'http://127.0.0.1:{port}/events?map=office&limit=3'")  # fmt: skip
+        return
+    own = "./dev demo --stay" if os.environ.get("SEMAP_DEV") else "semap demo --stay"
+    typer.echo(f"   Where to look next:\n"
+               f"     {own}    keeps the service up, to ask it for rooms, tracks and events\n"
+               f"     README.md            your own building and your own tracks, in three commands")  # fmt: skip

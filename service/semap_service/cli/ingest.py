@@ -1,0 +1,123 @@
+"""semap ingest"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from semap_service.cli.output import print_json
+from semap_service.cli.session import AsJson, Dsn, database
+
+MIRROR_WAIT_S = 10.0
+
+
+def commands() -> typer.Typer:
+    app = typer.Typer(no_args_is_help=True, help="Bring in movement: recordings of tracks.")
+    app.callback()(lambda: None)
+    app.command("tracks")(tracks)
+    return app
+
+
+def tracks(
+    file: Annotated[Path, typer.Argument(help="CSV (any usual delimiter) or Parquet, one row per state.")],
+    map_name: Annotated[str, typer.Option("--map", help="The map on which the tracks move.")],
+    source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
+    track: Annotated[
+        str | None, typer.Option(help="The name of the one track, if no column tells it.")
+    ] = None,
+    names: Annotated[
+        str | None, typer.Option(help="Names of the columns of a file without header: track,stamp,x,y,...")
+    ] = None,
+    track_column: Annotated[str | None, typer.Option(help="Column of the track's name or number.")] = None,
+    stamp_column: Annotated[str | None, typer.Option(help="Column of the stamp (event time).")] = None,
+    x_column: Annotated[str | None, typer.Option(help="Column of x.")] = None,
+    y_column: Annotated[str | None, typer.Option(help="Column of y.")] = None,
+    z_column: Annotated[str | None, typer.Option(help="Column of z; without one any height matches.")] = None,
+    std_column: Annotated[str | None, typer.Option(help="Column of the standard deviation.")] = None,
+    stamp_unit: Annotated[
+        str, typer.Option(help="iso, s, ms, us, ns, or the rate of numbered frames such as 25fps.")
+    ] = "iso",
+    epoch: Annotated[str, typer.Option(help="The time of stamp 0.")] = "1970-01-01T00:00:00Z",
+    unit: Annotated[str, typer.Option(help="Unit of x, y, z and std: m, cm, mm, ft, in.")] = "m",
+    frame: Annotated[
+        str | None, typer.Option(help="Frame of the positions, such as a storey; z is 0 in it if absent.")
+    ] = None,
+    realtime: Annotated[
+        float | None, typer.Option(help="Replay at the recording's pace times this factor.", min=0.001)
+    ] = None,
+    batch: Annotated[int, typer.Option(help="States per transaction.", min=1)] = 1000,
+    keep_open: Annotated[
+        bool, typer.Option("--keep-open", help="Do not end the tracks at their last state.")
+    ] = False,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Read finished tracks from a file into the database.
+
+    Started again after a crash it goes on where it was; a file that is in already is not read twice.
+    """
+    from semap_ingest.mirror import Follower, count_inside  # noqa: PLC0415
+    from semap_ingest.replay import Plan, in_map_frame, replay  # noqa: PLC0415
+    from semap_ingest.track_file import Layout, fingerprint, read_tracks  # noqa: PLC0415
+
+    from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
+    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+
+    columns = {
+        "track": track_column,
+        "stamp": stamp_column,
+        "x": x_column,
+        "y": y_column,
+        "z": z_column,
+        "std": std_column,
+    }
+    layout = Layout(
+        columns={role: name for role, name in columns.items() if name is not None},
+        names=tuple(name.strip() for name in names.split(",")) if names else (),
+        track=track,
+        stamp_unit=stamp_unit,
+        epoch_us=parse_stamp(epoch),
+        unit=unit,
+    )
+    read = read_tracks(file, layout)
+    for finding in read.findings:
+        typer.echo(f"{finding.action}: {finding.subject} ({finding.reason})", err=True)
+    plan = Plan(
+        map_name=map_name,
+        source=source or file.stem,
+        path=str(file),
+        fingerprint=fingerprint(file, layout),
+        batch_size=batch,
+        realtime=realtime,
+        keep_open=keep_open,
+    )
+    with database(dsn) as opened, Follower(opened) as follower:
+        if frame is not None:
+            read = in_map_frame(opened, map_name, frame, read)
+        with progress_bar("states", quiet=as_json) as advance:
+            done = replay(opened, plan, read, advance)
+        follower.wait_ready(MIRROR_WAIT_S)
+        inside = count_inside(follower.mirror.footprints(map_name, "Room"), read.x_m, read.y_m)
+    if as_json:
+        print_json(
+            {
+                "states": done.states,
+                "tracks": done.tracks,
+                "resumed_at": done.resumed_at,
+                "late": done.late,
+                "states_inside_a_room": inside,
+            }
+        )
+        return
+    if done.resumed_at:
+        typer.echo(f"{done.resumed_at} states had been written before.")
+    typer.echo(
+        f"{done.states} states of {done.tracks} tracks written to map {map_name}; "
+        f"{100 * inside / len(read):.1f} % of the file lies inside a room."
+    )
+    if done.late:
+        typer.echo(f"{done.late} states came late: they are kept, but changed no relation.")
+    if inside == 0:
+        typer.echo("No state lies inside a room: check --unit, --frame and the map.", err=True)

@@ -1,0 +1,59 @@
+"""The database that a command works on: the user's own by SEMAP_DSN, else semap's own server."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+import typer
+
+Dsn = Annotated[
+    str | None,
+    typer.Option(
+        "--dsn",
+        envvar="SEMAP_DSN",
+        show_default=False,
+        metavar="DSN",
+        help="A PostGIS server of your own, as 'host=... dbname=...' or postgresql://...",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+DATABASE = "semap"
+
+
+@contextmanager
+def database(dsn: str | None) -> Iterator[str]:
+    """The DSN of a database whose schema is up to date.
+
+    semap's own is started, made and migrated as needed; the user's own is only checked.
+    """
+    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.schema import require_current  # noqa: PLC0415
+
+    if dsn is not None:
+        with connect(dsn) as connection:
+            require_current(connection)
+        yield dsn
+        return
+    with own_database() as own:
+        yield own
+
+
+@contextmanager
+def own_database(name: str = DATABASE) -> Iterator[str]:
+    """The DSN of a database in semap's own server."""
+    from semap.cluster import default_home, lease  # noqa: PLC0415
+    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.schema import is_current, migrate  # noqa: PLC0415
+
+    with lease(default_home()) as cluster:
+        if not cluster.has_database(name):
+            cluster.create_database(name)
+        own = cluster.dsn(name)
+        with connect(own) as connection:
+            current = is_current(connection)
+        if not current:
+            migrate(own)
+        yield own

@@ -1,0 +1,208 @@
+"""Errors as documents: RFC 9457, application/problem+json.
+
+Every error of semap is translated here and nowhere else. `remedy` is what the reader can do about it.
+"""
+
+from __future__ import annotations
+
+import logging
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+
+from semap.errors import (
+    Conflict,
+    DatabaseError,
+    InvalidInput,
+    NotFound,
+    SemapError,
+    ServerUnavailable,
+    TooLarge,
+)
+
+log = logging.getLogger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+TYPE = "urn:semap:problem:"
+RETRY_S = "1"
+
+STATUS: tuple[tuple[type[SemapError], HTTPStatus, str], ...] = (
+    (NotFound, HTTPStatus.NOT_FOUND, "not-found"),
+    (Conflict, HTTPStatus.CONFLICT, "conflict"),
+    (TooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large"),
+    (InvalidInput, HTTPStatus.UNPROCESSABLE_ENTITY, "invalid-input"),
+    (ServerUnavailable, HTTPStatus.SERVICE_UNAVAILABLE, "database-unavailable"),
+    (DatabaseError, HTTPStatus.INTERNAL_SERVER_ERROR, "database"),
+    (SemapError, HTTPStatus.INTERNAL_SERVER_ERROR, "internal"),
+)
+"""The first class that fits decides."""
+
+REMEDIES = {
+    HTTPStatus.NOT_FOUND: "See / for what there is.",
+    HTTPStatus.METHOD_NOT_ALLOWED: "Use one of the methods in the header Allow.",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "Simplify the mesh, or split it.",
+    HTTPStatus.BAD_REQUEST: "See that the body is complete and of the stated content type.",
+}
+
+MEANING = {
+    HTTPStatus.NOT_FOUND: "What was named does not exist.",
+    HTTPStatus.CONFLICT: "What was asked for contradicts what is already there.",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The body is larger than the service takes.",
+    HTTPStatus.UNPROCESSABLE_ENTITY: "A value that semap cannot use; `errors` names the places.",
+    HTTPStatus.BAD_REQUEST: "The body cannot be read.",
+    HTTPStatus.INTERNAL_SERVER_ERROR: "Something went wrong inside semap.",
+    HTTPStatus.SERVICE_UNAVAILABLE: "The database does not answer; try again later.",
+}
+
+
+class Place(BaseModel):
+    """What is wrong with which part of a request."""
+
+    where: str = Field(examples=["body.name"])
+    message: str
+
+
+class Problem(BaseModel):
+    """What went wrong, and what to do about it (RFC 9457)."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "type": "urn:semap:problem:not-found",
+                    "title": "Not Found",
+                    "status": 404,
+                    "detail": "There is no map office.",
+                    "instance": "/maps/office",
+                    "remedy": "List the maps to see their names.",
+                    "errors": [],
+                }
+            ]
+        }
+    )
+
+    type: str = Field(description="The kind of problem, or about:blank where the status says it all.")
+    title: str
+    status: int
+    detail: str
+    instance: str = Field(description="The path that was asked for.")
+    remedy: str = Field(description="What can be done about it; may be empty.")
+    errors: list[Place] = Field(description="The places in the request that are wrong.")
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The `responses` of an endpoint that may answer with these problems, beside 422, 500 and 503."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        status: {"description": MEANING[HTTPStatus(status)], "content": content}
+        for status in sorted({*statuses, 422, 500, 503})
+    }
+
+
+def answer_problems(app: FastAPI) -> None:
+    """Let the app answer every error with a problem."""
+    app.add_exception_handler(SemapError, _semap_error)
+    app.add_exception_handler(RequestValidationError, _validation_error)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(Exception, _unexpected)
+
+
+def problem_response(
+    path: str,
+    status: HTTPStatus,
+    detail: str,
+    *,
+    kind: str | None = None,
+    remedy: str = "",
+    errors: list[Place] | None = None,
+    headers: dict[str, str] | None = None,
+) -> JSONResponse:
+    """A response with a problem; without `kind` the status says it all."""
+    problem = Problem(
+        type="about:blank" if kind is None else TYPE + kind,
+        title=status.phrase,
+        status=status,
+        detail=detail,
+        instance=path,
+        remedy=remedy or REMEDIES.get(status, ""),
+        errors=errors or [],
+    )
+    return JSONResponse(problem.model_dump(), status, headers, MEDIA_TYPE)
+
+
+def places(error: RequestValidationError) -> list[Place]:
+    """The places that a validation names."""
+    return [
+        Place(where=".".join(str(part) for part in each["loc"]), message=str(each["msg"]))
+        for each in error.errors()
+    ]
+
+
+async def _semap_error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, SemapError)  # noqa: S101  (registered for it)
+    status, kind = next((status, kind) for class_, status, kind in STATUS if isinstance(error, class_))
+    if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        log.warning("%s %s: %s", request.method, request.url.path, error)
+    where = error.where if isinstance(error, InvalidInput) else ""
+    return problem_response(
+        request.url.path,
+        status,
+        str(error),
+        kind=kind,
+        remedy=error.remedy,
+        errors=[Place(where=where, message=str(error))] if where else [],
+        headers={"Retry-After": RETRY_S} if status == HTTPStatus.SERVICE_UNAVAILABLE else None,
+    )
+
+
+async def _validation_error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)  # noqa: S101  (registered for it)
+    wrong = places(error)
+    return problem_response(
+        request.url.path,
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        "; ".join(f"{each.where}: {each.message}" for each in wrong[:3]),
+        kind="invalid-input",
+        remedy="Correct what `errors` names; /openapi.json says what is expected.",
+        errors=wrong,
+    )
+
+
+async def _http_error(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)  # noqa: S101  (registered for it)
+    status = HTTPStatus(error.status_code)
+    headers = dict(error.headers or {})
+    if status == HTTPStatus.METHOD_NOT_ALLOWED:
+        headers["Allow"] = ", ".join(_methods(request))
+    detail = error.detail
+    if status == HTTPStatus.NOT_FOUND:
+        detail = f"There is nothing at {request.url.path}."
+    elif status == HTTPStatus.METHOD_NOT_ALLOWED:
+        detail = f"{request.url.path} does not take {request.method}."
+    return problem_response(request.url.path, status, detail, headers=headers)
+
+
+async def _unexpected(request: Request, error: Exception) -> JSONResponse:
+    log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return problem_response(
+        request.url.path,
+        HTTPStatus.INTERNAL_SERVER_ERROR,
+        "Something went wrong inside semap.",
+        kind="internal",
+        remedy="The log of the service says what; please report it.",
+    )
+
+
+def _methods(request: Request) -> list[str]:
+    """The methods of all routes at a path; the router knows only those of the first that fits."""
+    methods: set[str] = set()
+    for route in request.app.routes:
+        if route.matches(request.scope)[0] is not Match.NONE:
+            methods |= getattr(route, "methods", None) or set()
+    return sorted(methods)

@@ -1,0 +1,48 @@
+from collections.abc import Iterator
+
+import pytest
+from server import fresh_database, running_cluster
+from world import World
+
+from semap.cluster import Cluster
+from semap.store.database import connect
+from semap.store.schema import ensure_slot, migrate
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Cluster]:
+    """A server of the run's own."""
+    with running_cluster() as running:
+        yield running
+
+
+@pytest.fixture
+def empty_database(cluster: Cluster) -> Iterator[str]:
+    """The DSN of a database in which there is nothing yet."""
+    with fresh_database(cluster) as dsn:
+        yield dsn
+
+
+@pytest.fixture(scope="session")
+def template(cluster: Cluster) -> str:
+    """The name of a migrated database that others are copied from."""
+    cluster.create_database("semap_template")
+    migrate(cluster.dsn("semap_template"), slot=False)
+    return "semap_template"
+
+
+@pytest.fixture
+def database(cluster: Cluster, template: str) -> Iterator[str]:
+    """The DSN of a migrated database with its replication slot and nothing in it."""
+    with fresh_database(cluster, template) as dsn:
+        with connect(dsn) as connection:
+            ensure_slot(connection)
+        yield dsn
+
+
+@pytest.fixture
+def world(database: str) -> Iterator[World]:
+    """A map without rooms in a fresh database."""
+    made = World(database)
+    yield made
+    made.close()

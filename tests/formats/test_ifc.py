@@ -1,0 +1,285 @@
+import importlib
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import pytest
+import shapely
+from data_sets import data_set
+
+from semap.errors import InvalidInput, NotFound
+from semap.formats import read_building
+from semap.formats.ifc import read_ifc
+from semap.geometry.outline import outline
+from semap.geometry.pose import transform_mesh, transform_points
+from semap.model.building import Building, HeightBand, Item
+
+ifcopenshell = pytest.importorskip("ifcopenshell", reason="the extra semap[ifc] is not installed")
+geom = importlib.import_module("ifcopenshell.geom")
+element = importlib.import_module("ifcopenshell.util.element")
+
+DUPLEX = "duplex/Ifc2x3_Duplex_Architecture.ifc"
+FLAT = "open_smart_home/04_Flat.ifc"
+
+
+def of(building: Building, concept: str) -> dict[str, Item]:
+    return {item.name: item for item in building.items if item.concept == concept}
+
+
+def footprint(item: Item) -> shapely.Geometry:
+    assert item.body is not None
+    return outline(transform_mesh(item.pose.matrix(), item.body))
+
+
+@pytest.mark.parametrize(("name", "rooms", "doors", "storeys"), [(DUPLEX, 21, 14, 4), (FLAT, 9, 7, 2)])
+def test_every_room_door_and_storey_is_read(name: str, rooms: int, doors: int, storeys: int) -> None:
+    steps: list[tuple[int, int]] = []
+    building = read_building(data_set(name), lambda done, total: steps.append((done, total)))
+    assert (len(of(building, "Room")), len(of(building, "Door")), len(building.storeys)) == (
+        rooms,
+        doors,
+        storeys,
+    )
+    assert len(building.items) == rooms + doors
+    assert all(item.body is not None for item in building.items)
+    assert steps == [(done, rooms + doors) for done in range(1, rooms + doors + 1)]
+    assert len({each.name for each in (*building.items, *building.storeys)}) == rooms + doors + storeys
+
+
+@pytest.mark.parametrize("name", [DUPLEX, FLAT])
+def test_bodies_stand_in_metres_where_ifcopenshell_sees_them_in_the_world(name: str) -> None:
+    path = data_set(name)
+    file = ifcopenshell.open(str(path))
+    settings = geom.settings()
+    settings.set("use-world-coords", True)
+    for item in read_ifc(path).items:
+        entity = file.by_guid(item.attributes["ifc_global_id"])
+        world_m = np.array(geom.create_shape(settings, entity).geometry.verts).reshape(-1, 3)
+        assert item.body is not None
+        assert np.allclose(transform_points(item.pose.matrix(), item.body.vertices_m), world_m, atol=1e-6)
+        assert item.uid == UUID(ifcopenshell.guid.expand(entity.GlobalId))
+        assert item.attributes["ifc_class"] == entity.is_a()
+
+
+def test_footprints_of_the_flat_have_the_areas_that_its_author_measured() -> None:
+    path = data_set(FLAT)
+    file = ifcopenshell.open(str(path))
+    for item in of(read_ifc(path), "Room").values():
+        quantities = element.get_psets(file.by_guid(item.attributes["ifc_global_id"]), qtos_only=True)
+        assert footprint(item).area == pytest.approx(
+            quantities["GSA Space Areas"]["GSA Space Areas"], rel=1e-6
+        )
+
+
+def test_rooms_of_one_storey_do_not_overlap() -> None:
+    rooms = list(of(read_ifc(data_set(DUPLEX)), "Room").values())
+    shapes = [footprint(room) for room in rooms]
+    for i, room in enumerate(rooms):
+        for j in range(i):
+            other = rooms[j]
+            assert room.band is not None
+            assert other.band is not None
+            if room.storey == other.storey:
+                assert shapes[i].intersection(shapes[j]).area < 1e-3, (room.name, other.name)
+
+
+def test_bands_follow_storeys_and_stairs_keep_their_own_top() -> None:
+    rooms = of(read_ifc(data_set(DUPLEX)), "Room")
+    second_m, roof_m = pytest.approx(3.1), pytest.approx(6.0)
+    assert rooms["A101"].band == HeightBand(0.0, second_m)
+    assert rooms["A201"].band == HeightBand(second_m, roof_m)
+    assert rooms["A105"].band == HeightBand(0.0, pytest.approx(5.7))
+    assert rooms["R301"].band == HeightBand(roof_m, pytest.approx(9.0))
+    flat = of(read_ifc(data_set(FLAT)), "Room")
+    assert flat["1"].band == HeightBand(0.0, pytest.approx(2.52))
+    assert flat["9"].band == HeightBand(0.0, pytest.approx(4.0))
+    assert (flat["5"].alias, flat["5"].storey) == ("Küche", "Level 1")
+
+
+def number_of(door: Item) -> str:
+    """The last part of the door's name, its number in the drawing."""
+    return door.name.rsplit(":", 1)[1]
+
+
+def test_doors_of_the_duplex_join_what_its_space_boundaries_say() -> None:
+    building = read_ifc(data_set(DUPLEX))
+    joins = {number_of(door): door.joins for door in of(building, "Door").values()}
+    assert joins == {
+        "146596": ("A101",),
+        "146678": ("B101",),
+        "150173": ("A101", "A104"),
+        "150257": ("B101", "B104"),
+        "150378": ("B201", "B203"),
+        "150478": ("A201", "A203"),
+        "159734": ("B201", "B202"),
+        "159834": ("A201", "A202"),
+        "160065": ("B201", "B204"),
+        "160208": ("A201", "A204"),
+        "171853": ("B102",),
+        "171975": ("A102",),
+        "203720": ("B204", "B205"),
+        # The file bounds it with three; from its place it leads from the bath to the utility room.
+        "204034": ("A201", "A204", "A205"),
+    }
+    assert sum(len(names) == 2 for names in joins.values()) == 9
+    assert ["204034" in finding.subject for finding in building.findings] == [True]
+
+
+def test_without_space_boundaries_shapes_tell_the_same(tmp_path: Path) -> None:
+    path = data_set(DUPLEX)
+    lines = path.read_text(encoding="latin-1").splitlines(keepends=True)
+    bare = tmp_path / "bare.ifc"
+    bare.write_text("".join(line for line in lines if "IFCRELSPACEBOUNDARY(" not in line), encoding="latin-1")
+    said = {number_of(door): door.joins for door in of(read_ifc(path), "Door").values()}
+    found = {number_of(door): door.joins for door in of(read_ifc(bare), "Door").values()}
+    assert found == said | {"204034": ("A204", "A205")}
+
+
+def test_doors_of_the_flat_are_joined_by_shape() -> None:
+    building = read_ifc(data_set(FLAT))
+    aliases = {name: room.alias for name, room in of(building, "Room").items()}
+    joins = {
+        number_of(door): [aliases[name] for name in door.joins] for door in of(building, "Door").values()
+    }
+    assert joins == {
+        "319956": ["Treppenhaus", "Diele"],
+        "320113": ["Raum 1", "Diele"],
+        "320325": ["Bad", "Diele"],
+        "321460": ["Küche", "Diele"],
+        "321571": ["Küche", "Raum 3"],
+        "321613": ["Room", "Room"],
+        "321687": ["Room", "Diele"],
+    }
+    assert [finding.subject for finding in building.findings] == ["7 doors"]
+
+
+def changed(path: Path, target: Path, change: Any) -> Building:
+    """The building of a file after a change to its entities."""
+    file = ifcopenshell.open(str(path))
+    change(file)
+    file.write(str(target))
+    return read_ifc(target)
+
+
+def test_repeated_names_and_identities_are_told_apart(tmp_path: Path) -> None:
+    def change(file: Any) -> None:
+        for space in file.by_type("IfcSpace"):
+            space.Name = "Room"
+        first, second, third = file.by_type("IfcDoor")[:3]
+        second.GlobalId = first.GlobalId
+        third.GlobalId = "no id"
+
+    building = changed(data_set(FLAT), tmp_path / "changed.ifc", change)
+    assert list(of(building, "Room")) == ["Room", *(f"Room {number}" for number in range(2, 10))]
+    assert len({item.uid for item in building.items}) == len(building.items)
+    assert sum(finding.action == "repaired" for finding in building.findings) == 2
+    assert sum("not the only one" in finding.reason for finding in building.findings) == 8
+
+
+def test_a_room_without_geometry_is_kept_and_reported(tmp_path: Path) -> None:
+    def change(file: Any) -> None:
+        file.by_type("IfcSpace")[0].Representation = None
+
+    building = changed(data_set(FLAT), tmp_path / "changed.ifc", change)
+    room = of(building, "Room")["1"]
+    assert room.body is room.band is None
+    assert ("note", "1") in {(finding.action, finding.subject) for finding in building.findings}
+
+
+def test_quantities_and_elevations_are_converted_from_the_files_units(tmp_path: Path) -> None:
+    def change(file: Any) -> None:
+        space = file.by_type("IfcSpace")[0]
+        area = file.create_entity("IfcQuantityArea", Name="NetFloorArea", AreaValue=18.603)
+        height = file.create_entity("IfcQuantityLength", Name="Height", LengthValue=2520.0)
+        measures = file.create_entity(
+            "IfcElementQuantity",
+            GlobalId=ifcopenshell.guid.new(),
+            Name="Qto_SpaceBaseQuantities",
+            Quantities=[area, height],
+        )
+        file.create_entity(
+            "IfcRelDefinesByProperties",
+            GlobalId=ifcopenshell.guid.new(),
+            RelatedObjects=[space],
+            RelatingPropertyDefinition=measures,
+        )
+        file.by_type("IfcBuildingStorey")[1].Elevation = None
+
+    building = changed(data_set(FLAT), tmp_path / "changed.ifc", change)
+    room = of(building, "Room")["1"]
+    assert room.attributes["net_floor_area_m2"] == pytest.approx(18.603)
+    assert room.attributes["height_m"] == pytest.approx(2.52)
+    assert [storey.elevation_m for storey in building.storeys] == pytest.approx([0.0, 2.52])
+    door = next(iter(of(building, "Door").values()))
+    assert (door.attributes["width_m"], door.attributes["height_m"]) == pytest.approx((0.915, 2.134))
+
+
+def test_a_model_without_spaces_is_refused(tmp_path: Path) -> None:
+    def change(file: Any) -> None:
+        for space in file.by_type("IfcSpace"):
+            file.remove(space)
+
+    with pytest.raises(InvalidInput, match="no spaces") as refusal:
+        changed(data_set(FLAT), tmp_path / "changed.ifc", change)
+    assert "IfcSpace" in refusal.value.remedy
+
+
+EMPTY_MODEL = """ISO-10303-21;
+HEADER;
+FILE_DESCRIPTION((''),'2;1');
+FILE_NAME('','',(''),(''),'','','');
+FILE_SCHEMA(('{schema}'));
+ENDSEC;
+DATA;
+{data}
+ENDSEC;
+END-ISO-10303-21;
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "empty"),
+        ("{}", "not an IFC file"),
+        ("\0" * 5000, "not an IFC file"),
+        ("ISO-10303-21;\nHEADER;\n", "cut off"),
+        ("ISO-10303-21;\nEND-ISO-10303-21;\n", "cannot be parsed"),
+        (EMPTY_MODEL.format(schema="AUTOMOTIVE_DESIGN", data=""), "cannot be parsed"),
+        (EMPTY_MODEL.format(schema="IFC4", data=""), "no spaces"),
+    ],
+)
+def test_a_file_that_is_no_building_model_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "model.ifc"
+    path.write_text(content)
+    with pytest.raises(InvalidInput, match=message) as refusal:
+        read_ifc(path)
+    assert refusal.value.where == str(path)
+    assert refusal.value.remedy
+
+
+def test_a_truncated_model_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.ifc"
+    path.write_bytes(data_set(FLAT).read_bytes()[:200_000])
+    with pytest.raises(InvalidInput, match="cut off"):
+        read_ifc(path)
+
+
+def test_a_missing_file_is_not_found(tmp_path: Path) -> None:
+    with pytest.raises(NotFound):
+        read_ifc(tmp_path / "model.ifc")
+
+
+def test_without_ifcopenshell_the_reader_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(name: str, package: str | None = None) -> object:
+        raise ModuleNotFoundError(name)
+
+    path = tmp_path / "model.ifc"
+    path.write_text(EMPTY_MODEL.format(schema="IFC4", data=""))
+    monkeypatch.setattr(importlib, "import_module", refuse)
+    with pytest.raises(InvalidInput) as refusal:
+        read_ifc(path)
+    assert "pip install semap[ifc]" in refusal.value.remedy

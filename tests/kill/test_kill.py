@@ -1,0 +1,132 @@
+"""Kill -9 of the rule worker, the ingest worker and PostgreSQL during a replay: nothing lost, nothing twice."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event as Signal
+
+from building import bring_in
+from semap_service import demo
+from server import SETTINGS, reachable_folder
+
+from semap.cluster import Cluster
+from semap.formats import read_building
+from semap.store.database import connect
+from semap.store.schema import migrate
+
+FOLDER = Path(demo.__file__).parent
+KILLS = 21
+PACE = "3"
+PATIENCE_S = 120.0
+LOGS = {
+    "events": "select seq, event_id, rule_name, rule_version, type, stamp, cause, track_name, instance_name, since"
+    " from semap.event order by seq",
+    "evidence": "select event_id, change_uid from semap.event_evidence order by 1, 2",
+    "changes": "select uid, query_name, track_name, instance_name, kind, cause, stamp, since"
+    " from semap.relation_change order by change_id",
+    "relations": "select track, instance, since from semap.relation_now order by 1, 2",
+    "states": "select t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last"
+    " from semap.track_state s join semap.track t using (track_id) order by 1, 2",
+}
+
+
+@dataclass
+class Run:
+    """The server, a rule worker and a replay, each a process that may be killed and started again."""
+
+    cluster: Cluster
+    dsn: str
+    pace: str | None
+    processes: dict[str, subprocess.Popen] = field(default_factory=dict)
+
+    def start(self, name: str) -> None:
+        arguments = {
+            "work": ["work"],
+            "ingest": ["ingest", "tracks", str(FOLDER / "walk.csv"), "--map", "office", "--batch", "20",
+                       *([] if self.pace is None else ["--realtime", self.pace])],
+        }[name]  # fmt: skip
+        self.processes[name] = subprocess.Popen(
+            [sys.executable, "-m", "semap_service", *arguments], env={**os.environ, "SEMAP_DSN": self.dsn},
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def kill(self, name: str) -> None:
+        if name == "postgres":
+            postmaster = int((self.cluster.data / "postmaster.pid").read_text().split()[0])
+            os.kill(postmaster, signal.SIGKILL)
+            self.cluster.start(SETTINGS)
+            return
+        self.processes[name].kill()
+        self.processes[name].wait()
+        self.start(name)
+
+    def replayed(self) -> bool:
+        return self.processes["ingest"].poll() == 0
+
+    def finish(self) -> dict[str, list[tuple]]:
+        """Wait until every change is an event, stop all, and read the logs."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not (self.replayed() and self._all_made()):
+            assert time.monotonic() < deadline_s
+            Signal().wait(0.05)
+        self.processes["work"].terminate()
+        assert self.processes["work"].wait(PATIENCE_S) == 0
+        with connect(self.dsn) as connection:
+            return {name: connection.execute(statement).fetchall() for name, statement in LOGS.items()}
+
+    def _all_made(self) -> bool:
+        with connect(self.dsn) as connection:
+            row = connection.execute(
+                "select (select count(*) from semap.relation_change) = (select count(*) from semap.event)"
+            ).fetchone()
+        return bool(row and row[0])
+
+    def stop(self) -> None:
+        for process in self.processes.values():
+            process.kill()
+            process.wait()
+
+
+def begin(cluster: Cluster, name: str, pace: str | None) -> Run:
+    cluster.create_database(name)
+    migrate(cluster.dsn(name))
+    bring_in(cluster.dsn(name), "office", read_building(FOLDER / "office.geojson"))
+    run = Run(cluster, cluster.dsn(name), pace)
+    run.start("work")
+    run.start("ingest")
+    return run
+
+
+def test_kills_at_random_moments_change_nothing() -> None:
+    dice = random.Random(20_260_131)
+    with reachable_folder() as folder:
+        cluster = Cluster(folder)
+        cluster.start(SETTINGS)
+        runs = []
+        try:
+            runs.append(begin(cluster, "calm", None))
+            undisturbed = runs[0].finish()
+            runs.append(run := begin(cluster, "killed", PACE))
+            kills = dict.fromkeys(("work", "ingest", "postgres"), 0)
+            while sum(kills.values()) < KILLS:
+                Signal().wait(dice.uniform(0.05, 1.6))
+                assert not run.replayed(), f"the replay was over after {kills}"
+                victim = min(kills, key=lambda name: kills[name] + dice.random() * 2)
+                run.kill(victim)
+                kills[victim] += 1
+            disturbed = run.finish()
+        finally:
+            for run in runs:
+                run.stop()
+            cluster.stop()
+    assert min(kills.values()) >= 4
+    assert len(undisturbed["events"]) > 20
+    for name in LOGS:
+        assert disturbed[name] == undisturbed[name], name

@@ -1,0 +1,29 @@
+"""The tables that Python knows are those of a migrated database."""
+
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Engine
+from sqlalchemy.dialects.postgresql.base import ischema_names
+
+from semap.store.tables import METADATA, PgLsn
+
+NOT_DECLARED = ("schema_version", "track_state_")
+
+
+def test_tables_are_those_of_the_migrations(engine: Engine, monkeypatch) -> None:
+    monkeypatch.setitem(ischema_names, "pg_lsn", PgLsn)
+
+    def include_name(name: str | None, kind: str, parents: dict) -> bool:
+        if kind == "schema":
+            return name == "semap"
+        return not (kind == "table" and name is not None and name.startswith(NOT_DECLARED))
+
+    def include_object(item: object, name: str | None, kind: str, *_: object) -> bool:
+        return kind != "index"
+
+    with engine.connect() as connection:
+        context = MigrationContext.configure(
+            connection,
+            opts={"include_schemas": True, "include_name": include_name, "include_object": include_object},
+        )
+        assert compare_metadata(context, METADATA) == []
