@@ -16,6 +16,7 @@ from semap_ingest.state_copy import COLUMNS
 from bench.crowd import Floor, batches, build_map, walk
 from semap.store.database import connect
 
+COPY_BARE = f"copy bare ({', '.join(COLUMNS)}) from stdin (format binary)"
 ROUNDS = 5
 FRAMES = 200
 TRACKS = 1000
@@ -32,8 +33,8 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
     with connect(dsn) as connection:
         _, track_ids = build_map(connection, name, floor.rooms(), TRACKS)
         connection.execute(
-            "create table bare (track_id bigint, stamp timestamptz, x_m double precision, y_m double precision,"
-            " z_m double precision, std_m real, is_last boolean)"
+            "create table bare (track_id bigint, stamp timestamptz, x_m float8, y_m float8, z_m float8,"
+            " std_m real, is_last boolean)"
         )
         connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
         places = walk(floor, TRACKS, (ROUNDS + 1) * FRAMES, pause_s)
@@ -46,9 +47,7 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         for number in range(1, ROUNDS + 1):
             some = data[number * FRAMES : (number + 1) * FRAMES]
             connection.execute("truncate bare")
-            rates["bare"].append(
-                _copy(connection, f"copy bare ({', '.join(COLUMNS)}) from stdin (format binary)", some)
-            )
+            rates["bare"].append(_copy(connection, COPY_BARE, some))
             rates["triggers"].append(_copy(connection, COPY_STATES, some))
         changes = _changes(connection) - before
         connection.execute("drop table bare")

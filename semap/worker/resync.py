@@ -47,7 +47,8 @@ def _is_active(connection: psycopg.Connection) -> bool:
 def _catch_up(connection: psycopg.Connection) -> int:
     row = connection.execute(
         "select p.lsn::text, p.event_seq, s.confirmed_flush_lsn::text,"
-        " coalesce((select jsonb_object_agg(r.rule_id, semap.rule_json(r)) from semap.rule r), '{}'), p.watermarks"
+        " coalesce((select jsonb_object_agg(r.rule_id, semap.rule_json(r)) from semap.rule r), '{}'),"
+        " p.watermarks"
         " from semap.progress p, pg_replication_slots s"
         " where p.worker = %s and s.slot_name = semap.rule_slot()",
         [WORKER],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_the_robot_changes_room_ten_times(database: str, batch_size: int) -> Non
     assert entered == oracle
     assert entered[0] == ("room_f", pytest.approx(1628008099.976, abs=1e-6))
     assert entered[1] == ("room_a", pytest.approx(1628008259.643, abs=1e-3))
-    assert left[:-1] == [(name, stamp) for (name, _), (_, stamp) in zip(oracle[:-1], oracle[1:], strict=True)]
+    assert left[:-1] == [(name, stamp) for (name, _), (_, stamp) in pairwise(oracle)]
 
 
 def test_all_75_cross_once(database: str) -> None:

@@ -18,10 +18,22 @@ from semap.store.instances import get_instance, list_instances
 from semap.store.maps import create_map, delete_map, get_map, list_maps
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
-TABLES = (
-    "map frame frame_pose description geometry abstraction instance door_room continuous_query rule"
-    " region region_cell region_edge relation"
-).split()
+TABLES = [
+    "map",
+    "frame",
+    "frame_pose",
+    "description",
+    "geometry",
+    "abstraction",
+    "instance",
+    "door_room",
+    "continuous_query",
+    "rule",
+    "region",
+    "region_cell",
+    "region_edge",
+    "relation",
+]
 
 
 def uid(name: str) -> UUID:

@@ -164,5 +164,5 @@ def _say_what_next(counts: Counter[str], scenes: int, port: int, stay: bool) -> 
         return
     own = "./dev demo --stay" if os.environ.get("SEMAP_DEV") else "semap demo --stay"
     typer.echo(f"   Where to look next:\n"
-               f"     {own}    keeps the service up, to ask it for rooms, tracks and events\n"
-               f"     README.md            your own building and your own tracks, in three commands")  # fmt: skip
+               f"     {own}    keeps the service up, to ask it about rooms and tracks\n"
+               f"     README.md            your own building and your own tracks")  # fmt: skip

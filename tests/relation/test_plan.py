@@ -1,0 +1,72 @@
+"""The plans of what runs for every state: by key, whatever the size of the map."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+import shapely
+from world import World
+
+
+def nodes(plan: dict[str, Any]) -> list[dict[str, Any]]:
+    return [plan, *(node for child in plan.get("Plans", []) for node in nodes(child))]
+
+
+def explain(world: World, statement: str) -> list[dict[str, Any]]:
+    (plan,) = world.one(f"explain (format json) {statement}")
+    return nodes(plan["Plan"] if isinstance(plan, dict) else json.loads(plan)["Plan"])
+
+
+@pytest.fixture
+def large(world: World) -> World:
+    """1,000 rooms and 1,000 tracks."""
+    world.run("insert into semap.description (map_id) select %s from generate_series(1, 1000)", world.map_id)
+    world.run(
+        "insert into semap.instance (map_id, name, concept_id, frame_id, absolute_description_id)"
+        " select %s, 'room ' || d.description_id, c.concept_id, %s, d.description_id"
+        " from semap.description d, semap.concept c where c.name = 'Room'", world.map_id, world.frame_id,
+    )  # fmt: skip
+    room = shapely.Polygon([(0, 0), (5, 0), (5, 3), (4, 3), (4, 4), (0, 4)])
+    world.run(
+        "insert into semap.abstraction (description_id, type, geometry)"
+        " select description_id, 'Footprint', st_translate(%s::public.geometry, 5 * (n %% 40), 4 * (n / 40))"
+        " from (select description_id, row_number() over () as n from semap.description) d",
+        shapely.to_wkb(room, hex=True),
+    )
+    world.run(
+        "insert into semap.track (uid, source_id, map_id, name)"
+        " select gen_random_uuid(), %s, %s, n from generate_series(1, 1000) n", world.source_id, world.map_id,
+    )  # fmt: skip
+    return world
+
+
+def test_a_point_is_looked_up_by_its_cell(large: World) -> None:
+    for statement in (
+        f"select * from semap.regions_at({large.map_id}, 4, 12.5, 7.5, 1)",
+        f"select * from semap.calm_rectangle({large.map_id}, 4, 12.5, 7.5)",
+    ):
+        scans = [
+            node
+            for node in explain(large, statement)
+            if "Scan" in node["Node Type"] and "Relation Name" in node
+        ]
+        assert {node["Node Type"] for node in scans} <= {"Index Scan", "Bitmap Heap Scan"}
+        assert scans[0].get("Index Name", "region_edge_cell") in ("region_cell_pkey", "region_edge_cell")
+
+
+def test_history_of_a_track_and_events_after_a_cursor_use_their_keys(large: World) -> None:
+    large.run("set enable_seqscan = off")
+    history = explain(
+        large, "select * from semap.track_state where track_id = 5 and stamp > '2026-01-01' order by stamp"
+    )
+    assert any(node.get("Index Name") == "track_state_default_pkey" for node in history)
+    events = explain(large, "select * from semap.event where seq > 5 order by seq limit 10")
+    assert any(node.get("Index Name") == "event_pkey" for node in events)
+
+
+def test_a_region_of_too_many_cells_is_refused_with_its_remedy(large: World) -> None:
+    with pytest.raises(Exception, match="million cells") as refused:
+        large.add_room("county", shapely.box(0, 0, 1e5, 1e5))
+    assert "--cell" in str(refused.value.diag.message_hint)

@@ -1,0 +1,63 @@
+"""Migration: whole or not at all, by several at once, never backwards."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from alembic.script import ScriptDirectory
+
+from semap.errors import DatabaseError
+from semap.store.database import connect
+from semap.store.schema import head_version, is_current, migrate, require_current, schema_folder
+
+
+def test_several_at_once_make_one_schema(empty_database: str) -> None:
+    with ThreadPoolExecutor() as pool:
+        done = list(pool.map(migrate, [empty_database] * 3))
+    assert sorted(m.version_before or "" for m in done) == ["", head_version(), head_version()]
+    assert sum(m.behaviour_changed for m in done) == 1
+    with connect(empty_database) as connection:
+        assert is_current(connection)
+        slots = connection.execute(
+            "select count(*) from pg_replication_slots where database = current_database()"
+        )
+        assert slots.fetchone() == (1,)
+
+
+def test_an_empty_database_is_told_to_migrate(empty_database: str) -> None:
+    with connect(empty_database) as connection, pytest.raises(DatabaseError, match="no schema") as told:
+        require_current(connection)
+    assert "semap db migrate" in told.value.remedy
+
+
+def test_a_newer_database_is_left_alone(database: str) -> None:
+    with connect(database) as connection:
+        connection.execute("update semap.schema_version set version_num = '9999'")
+        with pytest.raises(DatabaseError, match="9999"):
+            migrate(database)
+        assert not is_current(connection)
+
+
+def test_behaviour_that_was_changed_by_hand_or_by_a_version_is_applied_again(database: str) -> None:
+    with connect(database) as connection:
+        connection.execute("update semap.behaviour set checksum = 'older'")
+        connection.execute(
+            "create or replace function semap.rule_slot() returns name language sql as $$ select ''::name $$"
+        )
+        assert migrate(database).behaviour_changed
+        assert connection.execute("select semap.rule_slot()::text like 'semap_rules_%'").fetchone() == (True,)
+
+
+def test_versions_are_those_of_alembic() -> None:
+    scripts = ScriptDirectory(str(schema_folder("migrations")))
+    assert scripts.get_current_head() == head_version()
+    assert [s.down_revision for s in scripts.walk_revisions()] == ["0004", "0003", "0002", "0001", None]
+
+
+def test_every_function_says_what_it_does(database: str) -> None:
+    with connect(database) as connection:
+        silent = connection.execute(
+            "select proname from pg_proc where pronamespace = 'semap'::regnamespace and obj_description(oid) is null"
+        ).fetchall()
+    assert silent == []
