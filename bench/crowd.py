@@ -79,8 +79,9 @@ def build_map(
     from uuid import uuid4  # noqa: PLC0415
 
     from semap.model.building import Building, HeightBand, Item  # noqa: PLC0415
+    from semap.store.building import import_building  # noqa: PLC0415
     from semap.store.database import open_engine  # noqa: PLC0415
-    from semap.store.maps import create_map, import_building  # noqa: PLC0415
+    from semap.store.maps import create_map  # noqa: PLC0415
 
     items = tuple(
         Item(uid=uuid4(), name=f"room {i}", concept="Room", footprint=room, band=HeightBand(0, 3))

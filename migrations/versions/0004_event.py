@@ -51,9 +51,13 @@ STATEMENTS = (
     """
     create table semap.event_evidence (
       event_id    uuid not null references semap.event (event_id),
-      change_uid  uuid not null references semap.relation_change (uid),
+      change_uid  uuid not null,
       primary key (event_id, change_uid)
     )
+    """,
+    """
+    comment on column semap.event_evidence.change_uid is
+      'No foreign key to relation_change: the log shows a change an instant before other sessions may see its row.'
     """,
 )
 

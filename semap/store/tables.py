@@ -365,5 +365,5 @@ event_evidence = Table(
     "event_evidence",
     METADATA,
     Column("event_id", ForeignKey("semap.event.event_id"), primary_key=True),
-    Column("change_uid", ForeignKey("semap.relation_change.uid"), primary_key=True),
+    Column("change_uid", Uuid, primary_key=True),
 )

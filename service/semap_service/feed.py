@@ -74,10 +74,12 @@ class Feed:
             try:
                 await self._follow()
             except SemapError as error:
-                if self.connected:
-                    wait_s = FIRST_RETRY_S
-                log.warning("The feed of events waits for the database: %s", error)
-                self.connected = False
+                if self.connected or wait_s == FIRST_RETRY_S:
+                    log.warning("The feed of events waits for the database: %s", error)
+            except Exception:
+                log.exception("The feed of events failed; it begins again")
+            wait_s = FIRST_RETRY_S if self.connected else wait_s
+            self.connected = False
             await asyncio.sleep(wait_s)
             wait_s = min(wait_s * 2, LAST_RETRY_S)
 
@@ -181,13 +183,14 @@ async def _notified(listener: psycopg.Connection) -> None:
     """
     loop = asyncio.get_running_loop()
     readable = asyncio.Event()
-    loop.add_reader(listener.fileno(), readable.set)
-    try:
-        await asyncio.wait_for(readable.wait(), POLL_S)
-    except TimeoutError:
-        return
-    finally:
-        loop.remove_reader(listener.fileno())
     with translated():
+        socket = listener.fileno()
+        loop.add_reader(socket, readable.set)
+        try:
+            await asyncio.wait_for(readable.wait(), POLL_S)
+        except TimeoutError:
+            return
+        finally:
+            loop.remove_reader(socket)
         for _ in listener.notifies(timeout=0):
             pass

@@ -70,7 +70,7 @@ def test_an_instance_is_found_by_map_concept_and_name(connection: Connection) ->
     assert names(concept_name="Thing") == everything
     assert names(concept_name="Nothing") == []
     assert names(name="A") == names(name="old A") == [("office", "a"), ("other", "a")]
-    first, second = list_instances(connection, limit=2)
+    _first, second = list_instances(connection, limit=2)
     assert [each.name for each in list_instances(connection, after=second.instance_id)] == ["c", "a"]
     parents = {each.name: each.parent for each in list_concepts(connection)}
     assert (parents["Kitchen"], parents["Shelf"], parents["Thing"]) == ("Room", "Thing", None)

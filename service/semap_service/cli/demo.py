@@ -6,7 +6,6 @@ import os
 import shutil
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,18 +13,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semap.errors import DatabaseError
 from semap_service.cli.processes import CHECK_S
 
 if TYPE_CHECKING:
     import psycopg
 
     from semap_service.demo.scenes import Scene
+    from semap_service.supervisor import Supervisor
 
-EVENTS_AT_MOST = 40
 CAUGHT_UP_S = 30.0
 SINCE = """
     select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance
     from semap.event e where e.seq > %s order by e.seq
+"""
+SUMS = """
+    select instance_name, count(*) filter (where type = 'entered'), count(*) filter (where type = 'left')
+    from semap.event where seq > %s group by instance_name order by instance_name
 """
 
 
@@ -55,12 +59,12 @@ def demo(
         supervisor.start("work")
         supervisor.start("serve", "--port", str(port))
         typer.echo(f"2. The rule worker and the service: http://127.0.0.1:{port}/")
-        counts: Counter[str] = Counter()
+        events = 0
         chosen = scenes(data)
         for number, scene in enumerate(chosen, 3):
             typer.echo(f"{number}. {scene.title}")
-            _play(dsn, scene, None if fast else scene.pace, counts)
-        _say_what_next(counts, len(chosen), port, stay)
+            events = _play(dsn, supervisor, scene, None if fast else scene.pace)
+        _say_what_next(events, len(chosen), port, stay)
         if stay:
             stop = stop_signal()
             while not stop.wait(CHECK_S):
@@ -83,58 +87,76 @@ def _server() -> Iterator[str]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _play(dsn: str, scene: Scene, pace: float | None, counts: Counter[str]) -> None:
-    """Import the building, replay the recording, print the events as they happen."""
+def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) -> int:
+    """Import the building, replay the recording, print the events; gives the number of the last one.
+
+    raises DatabaseError where the events do not all come
+    """
     from threading import Thread  # noqa: PLC0415
 
     from semap_ingest.replay import Plan, replay  # noqa: PLC0415
     from semap_ingest.track_file import fingerprint, read_tracks  # noqa: PLC0415
 
+    from semap.store.database import connect  # noqa: PLC0415
+
+    _bring_in(dsn, scene)
+    tracks = read_tracks(scene.tracks, scene.layout)
+    length_s = (tracks.stamp_us[-1] - tracks.stamp_us[0]) / 1e6
+    speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
+    typer.echo(f"   Replaying {len(tracks)} states of {len(tracks.names)} tracks, {length_s:.0f} s, {speed}:")
+    identity = fingerprint(scene.tracks, scene.layout)
+    plan = Plan(scene.name, "recording", str(scene.tracks), identity, realtime=pace)
+    with connect(dsn, "semap_read", application="semap demo") as reader:
+        reader.execute("listen semap_event")
+        first = last = _last_event(reader)
+        writer = Thread(target=replay, args=(dsn, plan, tracks), daemon=True)
+        writer.start()
+        quiet_s = time.monotonic()
+        while writer.is_alive() or not _all_made(reader, scene.name):
+            next(iter(reader.notifies(timeout=0.2, stop_after=1)), None)
+            supervisor.check()
+            before, last = last, _print_events(reader, scene, first, last)
+            if writer.is_alive() or last > before:
+                quiet_s = time.monotonic()
+            elif time.monotonic() > quiet_s + CAUGHT_UP_S:
+                raise DatabaseError("The rule worker makes no events.", "Run again with `semap -v demo`.")
+        last = _print_events(reader, scene, first, last)
+        if last - first > scene.shown:
+            typer.echo(f"   ... and {last - first - scene.shown} more events.")
+        _print_sums(reader, first)
+    return last
+
+
+def _bring_in(dsn: str, scene: Scene) -> None:
     from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import connect, open_engine  # noqa: PLC0415
+    from semap.store.database import open_engine  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
     from semap_service.cli.maps import report_lines  # noqa: PLC0415
 
     engine = open_engine(dsn, "semap_api")
     with engine.begin() as connection:
         create_map(connection, scene.name)
-        for line in report_lines(import_building(connection, scene.name, scene.building)):
-            typer.echo(f"   {line}")
+        report = import_building(connection, scene.name, scene.building)
     engine.dispose()
-    tracks = read_tracks(scene.tracks, scene.layout)
-    length_s = (tracks.stamp_us[-1] - tracks.stamp_us[0]) / 1e6
-    speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
-    typer.echo(f"   Replaying {len(tracks)} states of {len(tracks.names)} tracks, {length_s:.0f} s, {speed}:")
-    plan = Plan(
-        scene.name, "recording", str(scene.tracks), fingerprint(scene.tracks, scene.layout), realtime=pace
-    )
-    with connect(dsn, "semap_read", application="semap demo") as reader:
-        reader.execute("listen semap_event")
-        first = last = _last_event(reader)
-        writer = Thread(target=replay, args=(dsn, plan, tracks), daemon=True)
-        writer.start()
-        deadline_s = float("inf")
-        while time.monotonic() < deadline_s and not (not writer.is_alive() and _all_made(reader, scene.name)):
-            next(iter(reader.notifies(timeout=0.2, stop_after=1)), None)
-            last = _print_events(reader, first, last, counts)
-            if not writer.is_alive() and deadline_s == float("inf"):
-                deadline_s = time.monotonic() + CAUGHT_UP_S
-        writer.join()
-        last = _print_events(reader, first, last, counts)
-        if last - first > EVENTS_AT_MOST:
-            typer.echo(f"   ... and {last - first - EVENTS_AT_MOST} more events.")
+    for line in report_lines(report):
+        typer.echo(f"   {line}")
 
 
-def _print_events(reader: psycopg.Connection, first: int, last: int, counts: Counter[str]) -> int:
+def _print_sums(reader: psycopg.Connection, first: int) -> None:
+    """How many tracks entered and left each room."""
+    for room, entered, left in reader.execute(SUMS, [first]).fetchall():
+        typer.echo(f"   {room}: entered {entered}, left {left}")
+
+
+def _print_events(reader: psycopg.Connection, scene: Scene, first: int, last: int) -> int:
     from semap_service.cli.events import sentence  # noqa: PLC0415
 
     cursor = reader.execute(SINCE, [last])
     columns = [column.name for column in cursor.description or ()]
     for row in cursor.fetchall():
         event = dict(zip(columns, row, strict=True))
-        counts[event["type"]] += 1
         last = event["seq"]
-        if last - first <= EVENTS_AT_MOST:
+        if last - first <= scene.shown:
             typer.echo(f"   {sentence(event)}")
     return last
 
@@ -154,9 +176,8 @@ def _all_made(reader: psycopg.Connection, map_name: str) -> bool:
     return bool(row and row[0])
 
 
-def _say_what_next(counts: Counter[str], scenes: int, port: int, stay: bool) -> None:
-    made = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-    typer.echo(f"{3 + scenes}. Done: {sum(counts.values())} events ({made}).")
+def _say_what_next(events: int, scenes: int, port: int, stay: bool) -> None:
+    typer.echo(f"{3 + scenes}. Done: {events} events.")
     if stay:
         typer.echo(f"   The service stays up until Ctrl-C. Try, for example:\n"
                    f"     curl 'http://127.0.0.1:{port}/rooms?map=office'\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
@@ -37,8 +37,9 @@ def print_rows(rows: Sequence[Mapping[str, Any]], as_json: bool, empty: str) -> 
 
 
 def clock(stamp: datetime) -> str:
-    """A stamp for people, in UTC with milliseconds."""
-    return f"{stamp:%Y-%m-%d %H:%M:%S}.{stamp.microsecond // 1000:03d}"
+    """A stamp for people, in UTC, to the nearest millisecond."""
+    nearest = stamp + timedelta(microseconds=500)
+    return f"{nearest:%Y-%m-%d %H:%M:%S}.{nearest.microsecond // 1000:03d}"
 
 
 def _cell(value: object) -> str:

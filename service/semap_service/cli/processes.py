@@ -14,6 +14,7 @@ Host = Annotated[
 Port = Annotated[int, typer.Option(help="Port to listen on.", min=1, max=65535)]
 
 CHECK_S = 0.5
+GRACE_S = 2
 
 
 def up(host: Host = "127.0.0.1", port: Port = 8000, dsn: Dsn = None) -> None:
@@ -73,4 +74,11 @@ def serve(host: Host = "127.0.0.1", port: Port = 8000, dsn: Dsn = None) -> None:
     require_free(host, port)
     with database(dsn) as opened:
         stop_signal()
-        uvicorn.run(create_app(opened), host=host, port=port, log_level="warning", access_log=False)
+        uvicorn.run(
+            create_app(opened),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,
+            timeout_graceful_shutdown=GRACE_S,
+        )

@@ -80,7 +80,7 @@ def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
 
 
 def delete(query_id: QueryId, dsn: Dsn = None) -> None:
-    """Delete a query and the rules that listen to it; its relations end."""
+    """Delete a query that no rule listens to; its relations end."""
     from semap.store.database import open_engine  # noqa: PLC0415
     from semap.store.queries import delete_query  # noqa: PLC0415
 

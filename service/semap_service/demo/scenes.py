@@ -18,7 +18,11 @@ OWN = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Scene:
-    """A building with a recording of movement in it; `pace` times as fast as it happened."""
+    """A building with a recording of movement in it.
+
+    pace   so many times as fast as it happened
+    shown  at most so many events are printed one by one
+    """
 
     name: str
     title: str
@@ -26,6 +30,7 @@ class Scene:
     tracks: Path
     pace: float
     layout: Layout = field(default_factory=Layout)
+    shown: int = 40
 
 
 def scenes(data: Path | None) -> list[Scene]:
@@ -60,4 +65,6 @@ def _bottleneck(file: Path) -> Scene:
     building = Building((), rooms)
     layout = Layout(names=("track", "stamp", "x", "y", "z"), stamp_unit="25fps",
                     epoch_us=parse_stamp("2018-01-01T00:00:00Z"))  # fmt: skip
-    return Scene("bottleneck", "75 people who walk through an opening (real)", building, file, 20.0, layout)
+    return Scene(
+        "bottleneck", "75 people who walk through an opening (real)", building, file, 20.0, layout, 5
+    )

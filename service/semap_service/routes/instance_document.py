@@ -1,0 +1,177 @@
+"""The documents of instances: as given out, to be made, and to be changed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from uuid import UUID, uuid4
+
+from pydantic import Field, model_validator
+
+from semap.errors import InvalidInput
+from semap.geometry.pose import transform_mesh
+from semap.geometry.prism import extrude
+from semap.model.building import Item, Mesh
+from semap.model.pose import IDENTITY
+from semap.store.instance_edit import KEEP, Changes
+from semap.store.instances import Instance, InstanceDetail
+from semap.store.placement import inverse, normalised
+from semap_service.document import (
+    AreaDocument,
+    BandDocument,
+    Document,
+    Name,
+    Next,
+    PoseDocument,
+    Request,
+    Stamp,
+    area_document,
+    area_of,
+    band_of,
+)
+
+Attributes = Annotated[dict[str, Any], Field(description="Whatever else is known.", examples=[{"number": 7}])]
+Elevation = Annotated[float | None, Field(description="Where the footprint's heights begin [m].")]
+Height = Annotated[float | None, Field(gt=0, description="How high they reach from there [m].")]
+
+
+class InstanceSummary(Document):
+    """An instance as lists show it."""
+
+    id: int
+    uid: UUID
+    map: str = Field(examples=["office"])
+    name: str = Field(examples=["Room07"])
+    alias: str | None
+    concept: str = Field(examples=["Room"])
+    storey: str | None = Field(description="The storey that it is on.", examples=["first floor"])
+
+
+class InstanceList(Document):
+    instances: list[InstanceSummary] = Field(description="In the order of their ids.")
+    next: Next
+
+
+class Neighbour(Document):
+    """The other side of a door: a room that it joins, or a door of the room."""
+
+    id: int
+    name: str
+
+
+class InstanceDocument(InstanceSummary):
+    """All that is known of an instance; everything in the map frame."""
+
+    pose: PoseDocument
+    footprint: AreaDocument | None = Field(description="GeoJSON in metres; null where there is none.")
+    band: BandDocument | None = Field(description="Heights of the footprint; null: every height.")
+    joins: list[Neighbour]
+    has_body: bool = Field(description="Whether there is a mesh.")
+    attributes: Attributes
+    created_at: Stamp
+    updated_at: Stamp
+
+
+class NewInstance(Request):
+    """An instance to be made. Its shape is a mesh, or a footprint with or without a height."""
+
+    name: Name = Field(examples=["Room07"])
+    concept: Name = Field(examples=["Room"])
+    uid: UUID | None = Field(None, description="Made up if not given.")
+    alias: Name | None = None
+    storey: Name | None = Field(None, description="The name of the storey that it is on.")
+    joins: list[Name] = Field([], max_length=100, description="Names of the rooms that a door joins.")
+    attributes: Attributes = Field(default_factory=dict)
+    pose: PoseDocument = Field(PoseDocument(), description="Where its own frame, and so a mesh, stands.")
+    footprint: AreaDocument | None = Field(None, description="Its outline, if not that of the mesh.")
+    elevation_m: Elevation = None
+    height_m: Height = None
+
+    def item(self, body: Mesh | None) -> Item:
+        """The item to be made; a footprint with a height and no mesh gets the prism over it as its body."""
+        footprint = None if self.footprint is None else area_of(self.footprint)
+        band = band_of(self.elevation_m, self.height_m)
+        if band is not None and footprint is None and body is None:
+            raise InvalidInput("heights of nothing", "Give a footprint or a mesh.", "height_m")
+        pose = normalised(self.pose.pose())
+        if body is None and footprint is not None and band is not None:
+            prism = extrude(footprint, band.z_min_m, band.z_max_m)
+            body = prism if pose == IDENTITY else transform_mesh(inverse(pose.matrix()), prism)
+        return Item(
+            uid=self.uid or uuid4(),
+            name=self.name,
+            concept=self.concept,
+            alias=self.alias,
+            storey=self.storey,
+            pose=pose,
+            body=body,
+            footprint=footprint,
+            band=band,
+            joins=tuple(self.joins),
+            attributes=self.attributes,
+        )
+
+
+class InstanceChanges(Request):
+    """What to change; what is left out stays as it is."""
+
+    name: Name | None = None
+    alias: Name | None = Field(None, description="null removes it.")
+    concept: Name | None = None
+    attributes: Attributes | None = Field(None, description="Replaces all attributes.")
+    pose: PoseDocument | None = Field(None, description="Moves it, with what stands on it.")
+    footprint: AreaDocument | None = None
+    elevation_m: Elevation = None
+    height_m: Annotated[
+        float | None, Field(gt=0, description="null: the heights of the mesh, or every height without one.")
+    ] = None
+
+    @model_validator(mode="after")
+    def _some_are_never_null(self) -> InstanceChanges:
+        for name in ("name", "concept", "attributes", "pose", "footprint", "elevation_m"):
+            if name in self.model_fields_set and getattr(self, name) is None:
+                raise ValueError(f"{name} cannot be null; leave it out to keep it")
+        return self
+
+    def changes(self) -> Changes:
+        """raises InvalidInput for an elevation without a height"""
+        is_banded = bool({"elevation_m", "height_m"} & self.model_fields_set)
+        return Changes(
+            name=self.name,
+            alias=self.alias if "alias" in self.model_fields_set else KEEP,
+            concept=self.concept,
+            attributes=self.attributes,
+            pose=None if self.pose is None else self.pose.pose(),
+            footprint=None if self.footprint is None else area_of(self.footprint),
+            band=band_of(self.elevation_m, self.height_m) if is_banded else KEEP,
+        )
+
+
+def summary(instance: Instance) -> InstanceSummary:
+    return InstanceSummary(**summary_fields(instance))
+
+
+def summary_fields(instance: Instance) -> dict[str, Any]:
+    """The fields of a summary, for documents that say more."""
+    return {
+        "id": instance.instance_id,
+        "uid": instance.uid,
+        "map": instance.map,
+        "name": instance.name,
+        "alias": instance.alias,
+        "concept": instance.concept,
+        "storey": instance.storey,
+    }
+
+
+def detail(found: InstanceDetail) -> InstanceDocument:
+    return InstanceDocument(
+        **summary_fields(found.instance),
+        pose=PoseDocument.model_validate(found.pose),
+        footprint=None if found.footprint is None else area_document(found.footprint),
+        band=None if found.band is None else BandDocument.model_validate(found.band),
+        joins=[Neighbour(id=id_, name=name) for id_, name in found.joins.items()],
+        has_body=found.has_body,
+        attributes=dict(found.attributes),
+        created_at=found.created_at,
+        updated_at=found.updated_at,
+    )

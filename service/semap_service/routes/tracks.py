@@ -1,0 +1,86 @@
+"""/tracks"""
+
+from __future__ import annotations
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from semap.store import tracks
+from semap.store.maps import get_map
+from semap_service.document import After, Document, Id, Limit, MapFilter, Name, Next, Stamp, next_after
+from semap_service.problem import problems
+from semap_service.transaction import Database, transaction
+
+router = APIRouter(tags=["tracks"])
+
+
+class TrackStateDocument(Document):
+    """Where a track was last seen, in the map frame."""
+
+    stamp: Stamp
+    x_m: float
+    y_m: float
+    z_m: float | None = Field(description="null where its source does not know heights.")
+    std_m: float | None = Field(description="Standard deviation along each axis [m]; null: unknown.")
+
+
+class TrackDocument(Document):
+    """Someone or something that a source follows."""
+
+    id: int
+    uid: UUID
+    map: str = Field(examples=["office"])
+    source: str = Field(examples=["lidar"])
+    name: str = Field(examples=["person 3"])
+    live: bool = Field(description="False until it is seen, and after its end.")
+    ended_at: Stamp | None
+    state: TrackStateDocument | None = Field(description="null until it is seen.")
+
+
+class TrackList(Document):
+    tracks: list[TrackDocument] = Field(description="In the order of their ids.")
+    next: Next
+
+
+@router.get("/tracks", operation_id="list_tracks", responses=problems(404))
+def list_tracks(
+    database: Database,
+    map_name: MapFilter = None,
+    name: Annotated[Name | None, Query(description="Only tracks of this name.")] = None,
+    live: Annotated[bool | None, Query(description="Only those that are live, or that are not.")] = None,
+    limit: Limit = 100,
+    after: After = 0,
+) -> TrackList:
+    """Who is followed, and where they are now."""
+    with transaction(database) as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
+        found = tracks.list_tracks(
+            connection, map_name=map_name, name=name, live=live, after=after, limit=limit
+        )
+    return TrackList(
+        tracks=[_document(each) for each in found], next=next_after([each.track_id for each in found], limit)
+    )
+
+
+@router.get("/tracks/{id}", operation_id="get_track", responses=problems(404))
+def get_track(database: Database, id: Id) -> TrackDocument:  # noqa: A002
+    """A track and where it is now."""
+    with transaction(database) as connection:
+        return _document(tracks.get_track(connection, id))
+
+
+def _document(track: tracks.Track) -> TrackDocument:
+    return TrackDocument(
+        id=track.track_id,
+        uid=track.uid,
+        map=track.map,
+        source=track.source,
+        name=track.name,
+        live=track.live,
+        ended_at=track.ended_at,
+        state=None if track.state is None else TrackStateDocument.model_validate(track.state),
+    )

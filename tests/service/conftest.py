@@ -1,0 +1,38 @@
+import threading
+import time
+from collections.abc import Iterator
+
+import psycopg
+import pytest
+import uvicorn
+from running import Service
+from semap_service.app import create_app
+
+from semap.store.database import connect
+
+
+@pytest.fixture
+def plain(database: str) -> Iterator[psycopg.Connection]:
+    """A connection that may do anything."""
+    with connect(database) as connection:
+        yield connection
+
+
+@pytest.fixture
+def service(database: str, plain: psycopg.Connection) -> Iterator[Service]:
+    """The service as it runs for users, on a port of its own."""
+    app = create_app(database, heartbeat_s=0.3)
+    config = uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=1)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.005)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    running = Service(port, plain)
+    running.until(lambda: app.state.feed.connected)
+    yield running
+    running.close()
+    server.should_exit = True
+    thread.join()

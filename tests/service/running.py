@@ -1,0 +1,140 @@
+"""A running service, and a client that holds every answer against the published description."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime, timedelta
+from uuid import NAMESPACE_URL, uuid5
+
+import httpx
+import numpy as np
+import psycopg
+import shapely
+import trimesh
+from jsonschema import Draft202012Validator
+from shapely.geometry import mapping
+
+START = datetime(2026, 1, 31, 12, tzinfo=UTC)
+PROBLEM = "application/problem+json"
+
+
+class Service:
+    """`client` fails the test when an answer is not what /openapi.json says; `raw` does not look."""
+
+    def __init__(self, port: int, plain: psycopg.Connection) -> None:
+        self.url = f"http://127.0.0.1:{port}"
+        self.feed_url = f"ws://127.0.0.1:{port}/events/feed"
+        self.plain = plain
+        self.raw = httpx.Client(base_url=self.url, timeout=30)
+        self.described = self.raw.get("/openapi.json").json()
+        self.seen: set[tuple[str, int]] = set()
+        self.client = httpx.Client(base_url=self.url, timeout=30, event_hooks={"response": [self._check]})
+
+    def close(self) -> None:
+        self.raw.close()
+        self.client.close()
+
+    def _check(self, response: httpx.Response) -> None:
+        response.read()
+        operation = self._operation(response.request)
+        self.seen.add((operation["operationId"], response.status_code))
+        published = operation["responses"].get(str(response.status_code))
+        said = f"{response.request.method} {response.request.url} gave {response.status_code}"
+        assert published is not None, f"{said}, which is not published: {response.text}"
+        if "content" not in published:
+            assert response.content == b"", said
+            return
+        ((media_type, content),) = published["content"].items()
+        assert response.headers["content-type"] == media_type, said
+        components = {"components": self.described["components"]}
+        checker = Draft202012Validator.FORMAT_CHECKER
+        Draft202012Validator({**content["schema"], **components}, format_checker=checker).validate(
+            response.json()
+        )
+        if media_type == PROBLEM:
+            assert response.json()["status"] == response.status_code, said
+            assert response.json()["instance"] == response.request.url.path, said
+
+    def _operation(self, request: httpx.Request) -> dict:
+        for template, methods in self.described["paths"].items():
+            pattern = re.sub(r"\{[^}]*\}", "[^/]+", template)
+            if re.fullmatch(pattern, request.url.raw_path.decode().split("?")[0]):
+                return methods[request.method.lower()]
+        raise AssertionError(f"{request.url} is not published")
+
+    def until(self, happens: Callable[[], bool]) -> None:
+        deadline_s = time.monotonic() + 10
+        while not happens():
+            assert time.monotonic() < deadline_s
+            time.sleep(0.005)
+
+    def get(self, path: str, **parameters: object) -> dict:
+        response = self.client.get(path, params=parameters)
+        assert response.status_code == 200, response.text
+        return response.json()
+
+    def make_map(self, name: str = "office") -> dict:
+        response = self.client.post("/maps", json={"name": name})
+        assert response.status_code == 201, response.text
+        return response.json()
+
+    def post_instance(
+        self, document: dict, mesh: tuple[str, bytes] | None = None, map_name: str = "office"
+    ) -> httpx.Response:
+        files = {"document": (None, json.dumps(document))}
+        if mesh is not None:
+            files["mesh"] = mesh
+        return self.client.post(f"/maps/{map_name}/instances", files=files)
+
+    def make_room(self, name: str, area: shapely.Geometry, **more: object) -> dict:
+        document = {"name": name, "concept": "Room", "footprint": json.loads(json.dumps(mapping(area)))}
+        response = self.post_instance({**document, **more})
+        assert response.status_code == 201, response.text
+        return response.json()
+
+    def walk(
+        self, places: Sequence[tuple[float, float]], track: str = "person", map_name: str = "office"
+    ) -> int:
+        """A track that is seen at these places, second by second."""
+        uid = uuid5(NAMESPACE_URL, f"{map_name}/{track}")
+        self.plain.execute(
+            "insert into semap.source (map_id, name) select map_id, 'lidar' from semap.map where name = %s"
+            " on conflict do nothing",
+            [map_name],
+        )
+        track_id = self.plain.execute(
+            "insert into semap.track (uid, source_id, map_id, name) select %s, source_id, map_id, %s"
+            " from semap.source join semap.map m using (map_id) where m.name = %s returning track_id",
+            [uid, track, map_name],
+        ).fetchone()[0]
+        for second, (x_m, y_m) in enumerate(places):
+            self.plain.execute(
+                "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, %s, %s, %s)",
+                [track_id, START + timedelta(seconds=second), x_m, y_m],
+            )
+        return track_id
+
+    def happen(self, first: int, count: int = 1, map_name: str = "office", kind: str = "entered") -> None:
+        """Events with these numbers, committed at once as the rule worker does."""
+        self.plain.execute(
+            "with made as (insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type,"
+            " stamp, cause, track_id, track_name, instance_id, instance_name, since)"
+            " select seq, gen_random_uuid(), map_id, 'room_visits', 1, %(kind)s, %(stamp)s, 'moved',"
+            " 3, 'person', 7, 'Room07', %(stamp)s"
+            " from semap.map, generate_series(%(first)s::int, %(last)s::int) seq where name = %(map)s"
+            " returning 1) select pg_notify('semap_event', '') from (select count(*) from made) done",
+            {"kind": kind, "stamp": START, "first": first, "last": first + count - 1, "map": map_name},
+        )
+
+
+def box_mesh(x_m: float, y_m: float, z_m: float, file_type: str) -> bytes:
+    """A box with one corner at the origin of a z-up frame."""
+    box = trimesh.creation.box(extents=[x_m, y_m, z_m])
+    box.apply_translation([x_m / 2, y_m / 2, z_m / 2])
+    if file_type == "glb":
+        box.apply_transform(np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]]))
+    data = box.export(file_type=file_type)
+    return data.encode() if isinstance(data, str) else data
