@@ -57,7 +57,7 @@ STATEMENTS = (
     """,
     """
     comment on column semap.event_evidence.change_uid is
-      'No foreign key to relation_change: the log shows a change an instant before other sessions may see its row.'
+      'No foreign key: the log shows a change an instant before other sessions may see its row.'
     """,
 )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from semap.errors import InvalidInput
 from semap.model.building import Mesh
@@ -49,6 +48,8 @@ def pose_from_matrix(parent_T_child: ArrayLike) -> Pose:
             "a placement that is not a rotation and a translation",
             "Export the model without scaled or mirrored placements.",
         )
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  slow to import
+
     x, y, z, w = (float(part) for part in Rotation.from_matrix(rotation).as_quat(canonical=True))
     return Pose(float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3]), x, y, z, w)
 

@@ -17,6 +17,7 @@ from semap import __version__
 from semap.store.database import open_engine
 from semap_service.feed import Feed
 from semap_service.openapi import describer
+from semap_service.origin import OwnOrigin
 from semap_service.problem import answer_problems
 from semap_service.routes import (
     concepts,
@@ -100,6 +101,7 @@ def create_app(dsn: str, *, heartbeat_s: float = HEARTBEAT_S) -> FastAPI:
     app.include_router(event_feed.router)
     _add_index(app)
     app.add_middleware(LimitedBody)
+    app.add_middleware(OwnOrigin)
     app.openapi = describer(app)  # type: ignore[method-assign]
     return app
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import running_worker
+from rule_work import running_worker
 from semap_service import demo
 
 FOLDER = Path(demo.__file__).parent

@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from building import bring_in, changes, events, play
+from play import bring_in, changes, events, play
 from data_sets import data_set
-from running import await_events, running_worker
+from rule_work import await_events, running_worker
 from semap_ingest.track_file import Layout, read_tracks
 from semap_service.demo.scenes import scenes
 from shapely.geometry import shape

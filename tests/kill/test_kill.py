@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event as Signal
 
-from building import bring_in
+from play import bring_in
 from semap_service import demo
 from server import SETTINGS, reachable_folder
 

@@ -250,3 +250,13 @@ def test_the_service_answers_while_the_database_does_not(service: Service, datab
             elsewhere.execute(f"alter database {name} allow_connections true")
     assert [each["name"] for each in service.get("/maps")["maps"]] == ["office"]
     service.until(lambda: service.get("/health")["feed_connected"])
+
+
+def test_a_page_of_another_site_may_not_write(service: Service) -> None:
+    foreign = service.raw.post("/maps", json={"name": "yard"}, headers={"Origin": "http://elsewhere.example"})
+    assert foreign.status_code == 403
+    assert foreign.headers["content-type"] == "application/problem+json"
+    assert (
+        service.raw.post("/maps", json={"name": "yard"}, headers={"Origin": service.url}).status_code == 201
+    )
+    assert service.raw.get("/maps", headers={"Origin": "http://elsewhere.example"}).status_code == 200

@@ -8,7 +8,7 @@ from uuid import UUID
 
 import pytest
 import shapely
-from running import await_events, events, running_worker
+from rule_work import await_events, events, running_worker
 from world import SECOND_US, World
 
 from semap.errors import Conflict, ServerUnavailable, SlotLost
