@@ -1,5 +1,5 @@
--- Lock order of everything that maintains relations: first the regions (shared by writers of
--- track states, exclusive for an edit of the map), then the sources in the order of their ids.
+-- Lock order of everything that maintains relations: first the regions (shared by writers of track
+-- states, exclusive for an edit of the map), then the source of the states, then rows.
 -- Each statement of a trigger sees what was committed before its lock was granted, which holds
 -- only at READ COMMITTED.
 
@@ -36,3 +36,29 @@ create or replace function semap.hold_source(p_source_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
 comment on function semap.hold_source is
   'Let one writer at a time touch the tracks of a source, until the transaction ends.';
+
+-- Taken before the rows of a statement that may change regions or end tracks, so that what is read for
+-- it is read after every writer of states has ended, and no row is locked before.
+create or replace function semap.lock_regions() returns trigger
+language plpgsql as $$
+begin
+  perform semap.change_regions();
+  return null;
+end $$;
+comment on function semap.lock_regions is
+  'Taken before the rows of a statement that may change regions or end tracks.';
+
+create or replace trigger lock_regions before insert or update or delete on semap.instance
+  for each statement execute function semap.lock_regions();
+create or replace trigger lock_regions before insert or update or delete on semap.abstraction
+  for each statement execute function semap.lock_regions();
+create or replace trigger lock_regions before insert or update or delete on semap.continuous_query
+  for each statement execute function semap.lock_regions();
+create or replace trigger lock_regions before update or delete on semap.concept
+  for each statement execute function semap.lock_regions();
+create or replace trigger lock_regions before delete on semap.map
+  for each statement execute function semap.lock_regions();
+create or replace trigger lock_regions before delete on semap.source
+  for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
+create or replace trigger lock_regions before delete or update of ended_at on semap.track
+  for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();

@@ -1,9 +1,9 @@
 -- The identity of a change: a function of what happened, so that a replay gives the same one.
 create or replace function semap.change_uid(
-  p_query text, p_track uuid, p_instance uuid, p_kind text, p_stamp timestamptz
+  p_query text, p_track uuid, p_instance uuid, p_kind text, p_cause text, p_stamp timestamptz
 ) returns uuid
 language sql stable parallel safe
-return md5(p_query || '|' || p_track || '|' || p_instance || '|' || p_kind || '|'
+return md5(p_query || '|' || p_track || '|' || p_instance || '|' || p_kind || '|' || p_cause || '|'
            || (extract(epoch from p_stamp) * 1000000)::bigint)::uuid;
 comment on function semap.change_uid is
   'The identity of a change: a function of what happened, so that a replay gives the same one.';
@@ -21,7 +21,7 @@ begin
   insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
                                      instance_id, instance_name, kind, cause, stamp, since)
   select case when c.cause = 'map' then gen_random_uuid()
-              else semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.stamp) end,
+              else semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.cause::text, c.stamp) end,
          r.map_id, r.query_id, r.query_name, c.track_id, t.name,
          r.instance_id, r.instance_name, c.kind, c.cause, c.stamp,
          case when c.kind = 'began' then c.stamp

@@ -16,10 +16,8 @@ comment on view semap.region_wanted is
 create or replace function semap.unsettle(p_region_ids integer[]) returns void
 language sql as $$
   update semap.track_now t set calm_x_min_m = 'infinity'
-  where t.live and exists (
-    select from semap.region_cell c
-    where c.region_id = any (p_region_ids) and c.map_id = t.map_id
-      and c.cell_x = floor(t.x_m / t.cell_m)::integer and c.cell_y = floor(t.y_m / t.cell_m)::integer)
+  where (t.map_id, floor(t.x_m / t.cell_m)::integer, floor(t.y_m / t.cell_m)::integer) in
+    (select map_id, cell_x, cell_y from semap.region_cell where region_id = any (p_region_ids))
 $$;
 comment on function semap.unsettle is
   'Let every track in a cell of these regions be looked up at its next state.';
@@ -121,9 +119,13 @@ begin
 
   with inside as (
     select t.track_id, r.region_id
-    from semap.region r
-    join semap.track_now t on t.map_id = r.map_id and t.live
-    where r.region_id = any (v_changed) and st_contains(r.footprint, st_point(t.x_m, t.y_m))
+    from semap.region_cell c
+    join semap.region r using (region_id)
+    join semap.track_now t
+      on t.map_id = c.map_id and t.live
+      and floor(t.x_m / t.cell_m)::integer = c.cell_x and floor(t.y_m / t.cell_m)::integer = c.cell_y
+    where c.region_id = any (v_changed)
+      and (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))
       and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m))
   ), crossed as (
     select coalesce(i.track_id, n.track_id) as track_id, coalesce(i.region_id, n.region_id) as region_id,
@@ -150,12 +152,16 @@ comment on function semap.refresh_regions is
 create or replace function semap.abstraction_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  if tg_op = 'DELETE' then
+  if tg_op = 'INSERT' then
+    perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
+    where i.absolute_description_id in (select description_id from new_row where type = 'Footprint');
+  elsif tg_op = 'DELETE' then
     perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
     where i.absolute_description_id in (select description_id from old_row where type = 'Footprint');
   else
     perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
-    where i.absolute_description_id in (select description_id from new_row where type = 'Footprint');
+    where i.absolute_description_id in (select description_id from old_row where type = 'Footprint'
+                                        union select description_id from new_row where type = 'Footprint');
   end if;
   return null;
 end $$;
@@ -165,7 +171,7 @@ comment on function semap.abstraction_changed is
 create or replace trigger abstraction_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.abstraction_changed();
 create or replace trigger abstraction_updated after update on semap.abstraction
-  referencing new table as new_row for each statement execute function semap.abstraction_changed();
+  referencing old table as old_row new table as new_row for each statement execute function semap.abstraction_changed();
 create or replace trigger abstraction_deleted after delete on semap.abstraction
   referencing old table as old_row for each statement execute function semap.abstraction_changed();
 
@@ -214,13 +220,11 @@ create or replace trigger continuous_query_changed after insert or update or del
 create or replace trigger concept_changed after update on semap.concept
   for each statement execute function semap.queries_changed();
 
--- With a map goes what happened on it: a map of the same name starts anew.
+-- With a map goes what happened on it: a map of the same name starts anew. Its events belong to the
+-- rule worker, which deletes them when it comes to this place in the log.
 create or replace function semap.map_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  delete from semap.event_evidence where event_id in
-    (select e.event_id from semap.event e join old_map using (map_id));
-  delete from semap.event where map_id in (select map_id from old_map);
   delete from semap.relation where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
   delete from semap.region where map_id in (select map_id from old_map);

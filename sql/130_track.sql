@@ -28,6 +28,7 @@ declare
   v_foreign    bigint;
   v_late       bigint;
   v_restless   bigint[];
+  v_several    boolean;
   v_revives    boolean;
   v_ends       boolean;
   v_crossings  semap.crossing[];
@@ -37,28 +38,18 @@ begin
   perform semap.hold_regions();
   perform semap.hold_source(v_source_id);
 
-  -- the place (ctid) of a present stays as it is: its source is held, and so are the regions
-  with seen as materialized (
-    select n.*, t.ctid as place, t.source_id, t.stamp as present, t.live,
-           (n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m
-            and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
-            and case when n.z_m is null then t.calm_z_min_m is null
-                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
-            and not n.is_last) is true as calm
-    from new_state n left join semap.track_now t using (track_id)
-  ), moved as (
-    update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m
-    from (select distinct on (track_id) * from seen
-          where track_id not in (select track_id from seen where not calm)
-          order by track_id, stamp desc) s
-    where t.ctid = s.place and s.stamp > s.present
-  )
-  select min(track_id) filter (where place is null), min(track_id) filter (where source_id <> v_source_id),
-         count(*) filter (where stamp <= present), array_agg(distinct track_id) filter (where not calm),
-         bool_or(not live), bool_or(is_last)
-    into v_unknown, v_foreign, v_late, v_restless, v_revives, v_ends
-  from seen;
+  select min(n.track_id) filter (where t.track_id is null),
+         min(n.track_id) filter (where t.source_id <> v_source_id),
+         count(*) filter (where n.stamp <= t.stamp),
+         array_agg(distinct n.track_id) filter (where not (
+           n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m
+           and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
+           and case when n.z_m is null then t.calm_z_min_m is null
+                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
+           and not n.is_last) is true),
+         count(*) > count(distinct n.track_id), bool_or(not t.live), bool_or(n.is_last)
+    into v_unknown, v_foreign, v_late, v_restless, v_several, v_revives, v_ends
+  from new_state n left join semap.track_now t using (track_id);
 
   if v_unknown is not null then
     raise exception 'There is no track %.', v_unknown
@@ -71,6 +62,14 @@ begin
   if v_late > 0 then
     update semap.source set late_states = late_states + v_late where source_id = v_source_id;
   end if;
+
+  update semap.track_now t
+  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m
+  from new_state n
+  where t.track_id = n.track_id and n.stamp > t.stamp
+    and (v_restless is null or n.track_id <> all (v_restless))
+    and (not v_several or (n.track_id, n.stamp) in
+         (select track_id, max(stamp) from new_state group by track_id));
 
   if v_restless is not null then
     with located as (
@@ -111,7 +110,9 @@ begin
     select array_agg(row(c.*)::semap.crossing) into v_crossings from crossed c;
     perform semap.record_crossings(v_crossings);
     if v_revives then
-      update semap.track set ended_at = null where track_id = any (v_restless) and ended_at is not null;
+      update semap.track set ended_at = null
+      where ended_at is not null and track_id in
+        (select track_id from semap.track_now where track_id = any (v_restless) and live);
     end if;
     if v_ends then
       update semap.track k set ended_at = n.stamp
@@ -165,16 +166,17 @@ create or replace trigger track_updated after update on semap.track
   referencing old table as old_track new table as new_track
   for each statement execute function semap.track_updated();
 
--- With a track go its states.
+-- With a track go its states and what they changed; a track of the same name starts anew.
 create or replace function semap.track_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where track_id in (select track_id from old_track);
+  delete from semap.relation_change where track_id in (select track_id from old_track);
   delete from semap.track_state where track_id in (select track_id from old_track);
   return null;
 end $$;
 comment on function semap.track_deleted is
-  'With a track go its states.';
+  'With a track go its states and what they changed; a track of the same name starts anew.';
 
 create or replace trigger track_deleted after delete on semap.track
   referencing old table as old_track for each statement execute function semap.track_deleted();

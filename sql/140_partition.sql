@@ -1,5 +1,6 @@
--- Make the partitions of track_state for these days (UTC) ahead of their states. A day whose states
--- already lie in the default partition stays there.
+-- Make the partitions of track_state for these days (UTC) ahead of their states. A day that has states
+-- in the default partition stays there, and so do all where there are more than 400 days. A partition is
+-- made on its own and then attached, so that writers and readers of other days go on meanwhile.
 create or replace function semap.ensure_partitions(p_days date[]) returns void
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -7,15 +8,21 @@ declare
   v_from  timestamptz;
   v_name  text;
 begin
+  if cardinality(p_days) > 400 then
+    return;
+  end if;
   perform pg_advisory_xact_lock(7365, 0);
   foreach v_day in array p_days loop
     v_from := v_day::timestamp at time zone 'UTC';
     v_name := 'track_state_' || to_char(v_day, 'YYYYMMDD');
     continue when to_regclass('semap.' || v_name) is not null;
-    continue when exists (select from semap.track_state_default
-                          where stamp >= v_from and stamp < v_from + interval '1 day');
-    execute format('create table semap.%I partition of semap.track_state for values from (%L) to (%L)',
-                   v_name, v_from, v_from + interval '1 day');
+    begin
+      execute format('create table semap.%I (like semap.track_state including all)', v_name);
+      execute format('alter table semap.track_state attach partition semap.%I for values from (%L) to (%L)',
+                     v_name, v_from, v_from + interval '1 day');
+    exception when check_violation then
+      null; -- states of this day lie in the default partition
+    end;
   end loop;
 end $$;
 comment on function semap.ensure_partitions is

@@ -1,11 +1,13 @@
 -- Commit what a worker made: its events, its state and its place in the log, all or nothing. The
 -- place must be where the worker believes it to be, so that of two workers only one goes on. Events
 -- are numbered in the order given, without gaps; one that exists already is passed over. Listeners
--- on semap_event are woken. Gives the number of the last event.
+-- on semap_event are woken. The events of maps that were deleted go first. Gives the number of the last
+-- event.
 create or replace function semap.commit_progress(
-  p_worker text, p_before pg_lsn, p_lsn pg_lsn, p_rule_state jsonb, p_watermarks jsonb, p_events jsonb
+  p_worker text, p_before pg_lsn, p_lsn pg_lsn, p_rule_state jsonb, p_watermarks jsonb, p_gone_maps integer[],
+  p_events jsonb
 ) returns bigint
-language plpgsql set search_path = public, pg_temp as $$
+language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_seq   bigint;
   v_made  bigint;
@@ -14,6 +16,15 @@ begin
   if not found then
     raise exception 'Another process has moved the progress of worker % on.', p_worker
       using errcode = 'serialization_failure';
+  end if;
+
+  -- what is acknowledged to the log must be on the disk, whatever the default of the server
+  perform set_config('synchronous_commit', 'on', true);
+
+  if cardinality(p_gone_maps) > 0 then
+    delete from semap.event_evidence v using semap.event e
+    where v.event_id = e.event_id and e.map_id = any (p_gone_maps);
+    delete from semap.event where map_id = any (p_gone_maps);
   end if;
 
   if jsonb_array_length(p_events) > 0 then

@@ -1,8 +1,10 @@
 -- Who may write what: each stage writes its own tables and reads all. Triggers keep relations on
--- everyone's behalf, so that nobody can write one without the state or the map edit that causes it.
+-- everyone's behalf, so that nobody can write one without the state or the map edit that causes it; a
+-- function that acts for its owner may be called only by whom it is for.
 do $$
 declare
-  v_role text;
+  v_role      text;
+  v_function  regprocedure;
 begin
   foreach v_role in array array['semap_read', 'semap_ingest', 'semap_worker', 'semap_api'] loop
     if not exists (select from pg_roles where rolname = v_role) then
@@ -12,23 +14,30 @@ begin
         null; -- another database of this server made it at the same moment
       end;
     end if;
-    execute format('grant usage on schema semap to %I', v_role);
-    execute format('grant select on all tables in schema semap to %I', v_role);
-  end loop;
-  foreach v_role in array array['semap_ingest', 'semap_worker', 'semap_api'] loop
     if not pg_has_role(current_user, v_role, 'member') then
       execute format('grant %I to current_user', v_role);
     end if;
+    execute format('grant usage on schema semap to %I', v_role);
+    execute format('revoke all on all tables in schema semap from %I', v_role);
+    execute format('grant select on all tables in schema semap to %I', v_role);
+  end loop;
+  for v_function in
+    select oid from pg_proc where pronamespace = 'semap'::regnamespace and prosecdef
+  loop
+    execute format('revoke execute on function %s from public', v_function);
   end loop;
 end $$;
 
-grant insert, update on semap.source, semap.recording, semap.track to semap_ingest;
-grant insert on semap.track_state to semap_ingest;
+grant insert on semap.source, semap.recording, semap.track, semap.track_state to semap_ingest;
+grant update (watermark) on semap.source to semap_ingest;
+grant update (states_done, finished_at) on semap.recording to semap_ingest;
+grant update (ended_at) on semap.track to semap_ingest;
+grant execute on function semap.ensure_partitions to semap_ingest;
 
-grant insert on semap.event, semap.event_evidence to semap_worker;
-grant insert, update on semap.progress to semap_worker;
+grant execute on function semap.commit_progress to semap_worker;
 
+grant insert, delete, update (name) on semap.map to semap_api;
 grant insert, update, delete on
-  semap.map, semap.concept, semap.frame, semap.frame_pose, semap.description, semap.geometry,
-  semap.abstraction, semap.instance, semap.door_room, semap.continuous_query, semap.rule
+  semap.concept, semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction,
+  semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_api;

@@ -50,6 +50,15 @@ def await_events(dsn: str, count: int) -> list[tuple]:
     return events(dsn)
 
 
+def await_event_of(dsn: str, track: str, kind: str) -> list[tuple]:
+    """All events as soon as there is one of this track and type."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not any(row[2] == kind and row[4] == track for row in events(dsn)):
+        assert time.monotonic() < deadline_s
+        Signal().wait(0.02)
+    return events(dsn)
+
+
 def _count(connection: psycopg.Connection) -> int:
     row = connection.execute("select count(*) from semap.event").fetchone()
     assert row is not None

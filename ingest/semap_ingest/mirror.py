@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field
 from threading import Event as Signal
-from threading import Thread
+from threading import Lock, Thread
 from uuid import uuid4
 
 import numpy as np
@@ -91,9 +91,9 @@ class Follower:
         self._dsn = dsn
         self._stop = Signal()
         self._ready = Signal()
+        self._applying = Lock()
         self._thread = Thread(target=self._run, name="mirror", daemon=True)
         self.mirror = MapMirror()
-        self.lsn = 0
 
     def __enter__(self) -> Follower:
         self._thread.start()
@@ -106,6 +106,11 @@ class Follower:
     def wait_ready(self, timeout_s: float) -> bool:
         """Wait until the first snapshot is there; false if it was not in time."""
         return self._ready.wait(timeout_s)
+
+    def footprints(self, map_name: str, concept: str) -> dict[str, shapely.Geometry]:
+        """As `MapMirror.footprints`, after a whole transaction and not within one."""
+        with self._applying:
+            return self.mirror.footprints(map_name, concept)
 
     def _run(self) -> None:
         while not self._stop.is_set():
@@ -127,9 +132,9 @@ class Follower:
     def _follow(self, stream: ReplicationStream) -> None:
         while not self._stop.is_set():
             for transaction in stream.receive(RETRY_S):
-                for change in transaction.changes:
-                    self.mirror.apply(change)
-                self.lsn = transaction.end_lsn
+                with self._applying:
+                    for change in transaction.changes:
+                        self.mirror.apply(change)
                 stream.acknowledge(transaction.end_lsn)
 
 

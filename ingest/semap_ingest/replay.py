@@ -91,11 +91,12 @@ def replay(
             with connect(dsn, ROLE, application="semap ingest", autocommit=False) as connection:
                 registered = _register(connection, plan, tracks)
                 first = first or registered
-                for done in _write(connection, plan, tracks, registered, clock, stop):
+                written = registered.done
+                for written in _write(connection, plan, tracks, registered, clock, stop):
                     wait_s = FIRST_RETRY_S
-                    advance(done, len(tracks))
+                    advance(written, len(tracks))
                 late = _late(connection, registered.source_id) - first.late
-                return Replayed(len(tracks) - first.done, len(tracks.names), first.done, late)
+                return Replayed(written - first.done, len(tracks.names), first.done, late)
         except ServerUnavailable:
             if stop.wait(wait_s) or first is None:
                 raise
@@ -115,7 +116,10 @@ def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
 
 
 def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Registered:
-    """Make the source, the recording, its tracks and the partitions, where they are missing."""
+    """Make the partitions, the source, the recording and its tracks, where they are missing."""
+    days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
+    with translated(), connection.transaction():
+        connection.execute("select semap.ensure_partitions(%s::date[])", [days])
     with translated(), connection.transaction():
         row = connection.execute(
             "select map_id, uid from semap.map where name = %s", [plan.map_name]
@@ -158,8 +162,6 @@ def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Re
             [source_id, list(tracks.names)],
         ).fetchall()
         ids: dict[str, int] = dict(rows)
-        days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
-        connection.execute("select semap.ensure_partitions(%s::date[])", [days])
     track_ids = np.array([ids[name] for name in tracks.names], dtype=np.int64)
     return _Registered(recording_id, source_id, track_ids, done, late)
 
@@ -193,9 +195,14 @@ def _write(
             tracks.std_m[rows],
             is_last[rows],
         )
-        _commit(connection, plan, registered, data, rows.stop, int(tracks.stamp_us[rows.stop - 1]))
+        _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop))
         done = rows.stop
         yield done
+
+
+def _watermark_us(tracks: Tracks, done: int) -> int:
+    """Up to where no state is still to come."""
+    return int(tracks.stamp_us[-1] if done == len(tracks) else tracks.stamp_us[done] - 1)
 
 
 def _commit(

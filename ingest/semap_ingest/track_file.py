@@ -80,9 +80,9 @@ class Tracks:
 Columns = dict[str, NDArray[np.str_]]
 
 
-def fingerprint(path: Path, layout: Layout) -> str:
-    """Identity of a file read in a certain way: SHA-256 of its bytes and the layout."""
-    digest = hashlib.sha256(repr(layout).encode())
+def fingerprint(path: Path, layout: Layout, *options: object) -> str:
+    """Identity of a file read in a certain way: SHA-256 of its bytes, the layout and further options."""
+    digest = hashlib.sha256(repr((layout, *options)).encode())
     with path.open("rb") as file:
         while block := file.read(1 << 20):
             digest.update(block)

@@ -11,7 +11,7 @@ STATEMENTS = (
       source_id    integer generated always as identity primary key,
       map_id       integer not null references semap.map on delete cascade,
       name         text not null check (name <> ''),
-      watermark    timestamptz not null default '-infinity',
+      watermark    timestamptz not null default '-infinity' check (watermark < '9999-01-01Z'),
       late_states  bigint not null default 0,
       unique (map_id, name)
     )
@@ -37,7 +37,7 @@ STATEMENTS = (
       source_id   integer not null references semap.source on delete cascade,
       map_id      integer not null references semap.map on delete cascade,
       name        text not null check (name <> ''),
-      ended_at    timestamptz,
+      ended_at    timestamptz check (ended_at between '1800-01-01Z' and '9999-01-01Z'),
       unique (source_id, name)
     )
     """,
@@ -52,6 +52,7 @@ STATEMENTS = (
       std_m     real,
       is_last   boolean not null default false,
       primary key (track_id, stamp),
+      constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
       constraint state_is_finite check (abs(x_m) <= 1e7 and abs(y_m) <= 1e7 and abs(z_m) <= 1e7)
     ) partition by range (stamp)
     """,

@@ -18,6 +18,7 @@ STATEMENTS = (
       unique (map_id, name)
     )
     """,
+    "alter table semap.rule replica identity full",
     """
     create table semap.progress (
       worker      text primary key,

@@ -1,4 +1,4 @@
-"""What leaves through the log: the map for mirrors, changes and rules for the rule worker."""
+"""What leaves through the log: the map for mirrors; changes, rules and watermarks for the rule worker."""
 
 from alembic import op
 
@@ -6,12 +6,9 @@ revision = "0005"
 down_revision = "0004"
 
 STATEMENTS = (
-    """
-    create publication semap_map for table semap.map, semap.concept, semap.instance, semap.abstraction
-    """,
-    """
-    create publication semap_change for table semap.relation_change, semap.source, semap.rule
-    """,
+    "create publication semap_map for table semap.map, semap.concept, semap.instance, semap.abstraction",
+    "create publication semap_change for table semap.relation_change with (publish = 'insert')",
+    "create publication semap_rule for table semap.rule, semap.source, semap.map",
 )
 
 

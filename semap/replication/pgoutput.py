@@ -22,8 +22,8 @@ Row = dict[str, str | None]
 class Change:
     """One row changed in `table` (schema left out).
 
-    row  insert, update: the new row, without values that are unchanged and stored out of line;
-         delete: the key of the row that went; truncate: empty
+    row  insert, update: the new row, without values that are unchanged and stored out of line, unless
+         the table's replica identity is full; delete: the key of the row that went; truncate: empty
     """
 
     table: str
@@ -117,7 +117,8 @@ class Assembler:
         row = reader.row(layout.columns)
         if kind == "U" and part in "KO":
             reader.text(1)
-            row = reader.row(layout.columns)
+            new = reader.row(layout.columns)
+            row = {**row, **new} if part == "O" else new
         if kind == "D":
             row = {name: value for name, value in row.items() if part == "O" or value is not None}
         operation: Operation = {"I": "insert", "U": "update", "D": "delete"}[kind]  # type: ignore[assignment]

@@ -139,6 +139,8 @@ def connect_replication(dsn: str) -> PGconn:
         dsn,
         replication="database",
         application_name="semap replication",
+        connect_timeout=10,
+        client_encoding="UTF8",
         options="-c timezone=UTC -c datestyle=ISO -c extra_float_digits=1",
     )
     connection = pq.PGconn.connect(conninfo.encode())

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from semap.errors import InvalidInput
 
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,99}\Z")
 CLAUSES = ("name", "input", "emit")
 EDGES = ("began", "ended")
 
@@ -68,6 +68,6 @@ def parse_declaration(document: object, name: str | None = None) -> Declaration:
 def _name(value: object, where: str) -> str:
     if not isinstance(value, str) or not NAME.match(value):
         raise InvalidInput(
-            "a name is needed", "Use letters, digits, _, - and . beginning with a letter.", where
+            "a name is needed", "Use up to 100 letters, digits, _, - and . beginning with a letter.", where
         )
     return value

@@ -62,7 +62,7 @@ class RuleChanged:
 
 @dataclass(frozen=True)
 class RuleSet:
-    """The rules in force, by id."""
+    """The rules in force, by id, ascending."""
 
     rules: Mapping[int, Rule] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -72,7 +72,7 @@ class RuleSet:
             return self._with_rule(item), ()
         return self, tuple(
             event
-            for _, rule in sorted(self.rules.items())
+            for rule in self.rules.values()
             if rule.enabled and rule.query_id == item.query_id
             for event in _events(rule, item)
         )
@@ -81,14 +81,15 @@ class RuleSet:
         rules = {rule_id: rule for rule_id, rule in self.rules.items() if rule_id != item.rule_id}
         if item.rule is not None:
             rules[item.rule_id] = item.rule
-        return replace(self, rules=MappingProxyType(rules))
+        return replace(self, rules=MappingProxyType(dict(sorted(rules.items()))))
 
     @staticmethod
     def from_json(document: Mapping[str, Mapping[str, object]]) -> RuleSet:
-        return RuleSet(MappingProxyType({int(key): Rule.from_json(value) for key, value in document.items()}))
+        rules = {int(key): Rule.from_json(value) for key, value in document.items()}
+        return RuleSet(MappingProxyType(dict(sorted(rules.items()))))
 
     def as_json(self) -> dict[str, dict[str, object]]:
-        return {str(rule_id): rule.as_json() for rule_id, rule in sorted(self.rules.items())}
+        return {str(rule_id): rule.as_json() for rule_id, rule in self.rules.items()}
 
 
 def _events(rule: Rule, change: RelationChange) -> tuple[Event, ...]:

@@ -51,7 +51,7 @@ def migrate(dsn: str, *, slot: bool = True) -> Migrated:
             connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
             connection.execute(text("create schema if not exists semap"))
             before = _upgrade(connection)
-            changed = _apply_behaviour(connection)
+            changed = _apply_behaviour(connection, again=before != head_version())
     finally:
         engine.dispose()
     if slot:
@@ -70,7 +70,10 @@ def is_current(connection: psycopg.Connection) -> bool:
     if connection.execute("select to_regclass('semap.behaviour')").fetchone() == (None,):
         return False
     checksums = connection.execute("select checksum from semap.behaviour").fetchall()
-    return checksums == [(_checksum(),)] and database_version(connection) == head_version()
+    if checksums != [(_checksum(),)] or database_version(connection) != head_version():
+        return False
+    # its slot comes last: a migration that was killed before it is not done
+    return connection.execute("select from semap.progress where worker = 'rules'").fetchone() is not None
 
 
 def require_current(connection: psycopg.Connection) -> None:
@@ -123,8 +126,9 @@ def _checksum() -> str:
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
-def _apply_behaviour(connection: Connection) -> bool:
-    if connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
+def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
+    """Apply sql/ where it differs, and after a migration, whose tables want their grants."""
+    if not again and connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
     cursor = connection.connection.cursor()
     for file in _behaviour_files():

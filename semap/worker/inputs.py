@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import logging
 from datetime import datetime
 from uuid import UUID
 
-from semap.errors import UntrustedBytes
+from semap.errors import InvalidInput, UntrustedBytes
 from semap.model.relation import RelationChange
 from semap.replication.pgoutput import Change, Row
 from semap.rules.engine import Rule, RuleChanged
+
+log = logging.getLogger(__name__)
 
 
 def rule_input(change: Change) -> RelationChange | RuleChanged | None:
@@ -21,12 +24,19 @@ def rule_input(change: Change) -> RelationChange | RuleChanged | None:
         if change.table == "relation_change" and change.operation == "insert":
             return _relation_change(change.row)
         if change.table == "rule" and change.operation in ("insert", "update"):
-            return RuleChanged(_integer(change.row, "rule_id"), _rule(change.row))
+            return _rule_changed(change.row)
         if change.table == "rule" and change.operation == "delete":
             return RuleChanged(_integer(change.row, "rule_id"), None)
     except (KeyError, ValueError) as error:
         raise UntrustedBytes(f"A row of {change.table} is not as expected: {error}") from error
     return None
+
+
+def deleted_map(change: Change) -> int | None:
+    """The id of a map that a change deletes."""
+    if change.table != "map" or change.operation != "delete":
+        return None
+    return _integer(change.row, "map_id")
 
 
 def watermark(change: Change) -> tuple[str, str] | None:
@@ -55,17 +65,22 @@ def _relation_change(row: Row) -> RelationChange:
     )
 
 
-def _rule(row: Row) -> Rule:
-    return Rule.from_json(
-        {
-            "map_id": _text(row, "map_id"),
-            "query_id": _text(row, "query_id"),
-            "version": _text(row, "version"),
-            "enabled": _text(row, "enabled") == "t",
-            "name": _text(row, "name"),
-            "declaration": json.loads(_text(row, "declaration")),
-        }
-    )
+def _rule_changed(row: Row) -> RuleChanged:
+    """A rule that cannot be read is out of force: one row may not stop all others."""
+    rule_id = _integer(row, "rule_id")
+    document = {
+        "map_id": _text(row, "map_id"),
+        "query_id": _text(row, "query_id"),
+        "version": _text(row, "version"),
+        "enabled": _text(row, "enabled") == "t",
+        "name": _text(row, "name"),
+        "declaration": json.loads(_text(row, "declaration")),
+    }
+    try:
+        return RuleChanged(rule_id, Rule.from_json(document))
+    except InvalidInput as error:
+        log.error("Rule %d is not in force, since it cannot be read: %s", rule_id, error)
+        return RuleChanged(rule_id, None)
 
 
 def _text(row: Row, column: str) -> str:

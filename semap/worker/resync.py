@@ -14,7 +14,7 @@ from semap.replication.pgoutput import Change, parse_lsn
 from semap.rules.engine import RuleSet
 from semap.store.database import connect, translated
 from semap.worker.inputs import rule_input
-from semap.worker.rule_worker import ROLE, WORKER, Progress, commit_progress
+from semap.worker.rule_worker import ROLE, WORKER, Made, Progress, commit_progress
 
 SINCE = """
     select to_jsonb(c) from semap.relation_change c, semap.progress p
@@ -31,6 +31,8 @@ def resync(dsn: str) -> int:
     with connect(dsn, application="semap resync") as connection, translated():
         if _is_active(connection):
             raise Conflict("A rule worker is running.", "Stop it first.")
+        # from here until the events are caught up, no worker may begin in the new slot
+        connection.execute("update semap.progress set lsn = '0/0' where worker = %s", [WORKER])
         connection.execute("select semap.replace_rule_slot()")
     with connect(dsn, ROLE, application="semap resync", autocommit=False) as connection, translated():
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
@@ -65,6 +67,6 @@ def _catch_up(connection: psycopg.Connection) -> int:
             rules, made = rules.step(item)
             events.extend(made)
     after = Progress(parse_lsn(lsn), rules, watermarks)
-    made_in_all = commit_progress(connection, parse_lsn(before), after, events)
+    made_in_all = commit_progress(connection, parse_lsn(before), after, Made(tuple(events)))
     connection.commit()
     return made_in_all - int(event_seq)

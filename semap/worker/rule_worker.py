@@ -27,12 +27,12 @@ from semap.replication.pgoutput import Transaction, format_lsn, parse_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.rules.engine import RuleSet
 from semap.store.database import connect, translated
-from semap.worker.inputs import rule_input, watermark
+from semap.worker.inputs import deleted_map, rule_input, watermark
 
 log = logging.getLogger(__name__)
 
 WORKER = "rules"
-PUBLICATIONS = ("semap_change",)
+PUBLICATIONS = ("semap_change", "semap_rule")
 ROLE = "semap_worker"
 QUIET_COMMIT_S = 1.0
 RECEIVE_S = 0.5
@@ -47,6 +47,14 @@ class Progress:
     lsn: int
     rules: RuleSet
     watermarks: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a stretch of the log makes: events, and maps that it deletes, whose events go."""
+
+    events: tuple[Event, ...] = ()
+    gone_maps: tuple[int, ...] = ()
 
 
 def work(dsn: str, stop: Signal) -> None:
@@ -94,37 +102,42 @@ def _read(
     while not stop.is_set():
         transactions = stream.receive(RECEIVE_S)
         yield
+        made = Made()
         if transactions:
             if progress is committed:
                 commit_due_s = time.monotonic() + QUIET_COMMIT_S
-            progress, events = advance(progress, transactions)
-        else:
-            events = []
-        if events or (progress is not committed and time.monotonic() >= commit_due_s):
-            commit_progress(connection, committed.lsn, progress, events)
+            progress, made = advance(progress, transactions)
+        if made != Made() or (progress is not committed and time.monotonic() >= commit_due_s):
+            commit_progress(connection, committed.lsn, progress, made)
             committed = progress
             stream.acknowledge(progress.lsn)
     if progress is not committed:
-        commit_progress(connection, committed.lsn, progress, [])
+        commit_progress(connection, committed.lsn, progress, Made())
         stream.acknowledge(progress.lsn)
 
 
-def advance(progress: Progress, transactions: list[Transaction]) -> tuple[Progress, list[Event]]:
-    """The progress after these transactions, and the events that they make. Changes nothing."""
+def advance(progress: Progress, transactions: list[Transaction]) -> tuple[Progress, Made]:
+    """The progress after these transactions, and what they make. Changes nothing."""
     rules = progress.rules
     watermarks = dict(progress.watermarks)
     events: list[Event] = []
-    for transaction in transactions:
-        for change in transaction.changes:
-            mark = watermark(change)
-            if mark is not None:
-                watermarks[mark[0]] = mark[1]
-            item = rule_input(change)
-            if item is not None:
-                rules, made = rules.step(item)
-                events.extend(made)
-    lsn = transactions[-1].end_lsn
-    return replace(progress, lsn=lsn, rules=rules, watermarks=MappingProxyType(watermarks)), events
+    gone_maps: list[int] = []
+    for change in (change for transaction in transactions for change in transaction.changes):
+        mark = watermark(change)
+        if mark is not None:
+            watermarks[mark[0]] = mark[1]
+        map_id = deleted_map(change)
+        if map_id is not None:
+            gone_maps.append(map_id)
+            events = [event for event in events if event.map_id != map_id]
+        item = rule_input(change)
+        if item is not None:
+            rules, made = rules.step(item)
+            events.extend(made)
+    after = replace(
+        progress, lsn=transactions[-1].end_lsn, rules=rules, watermarks=MappingProxyType(watermarks)
+    )
+    return after, Made(tuple(events), tuple(gone_maps))
 
 
 def _load(connection: psycopg.Connection) -> tuple[Progress, str]:
@@ -137,27 +150,28 @@ def _load(connection: psycopg.Connection) -> tuple[Progress, str]:
     if row is None:
         raise SlotLost("The rule worker has no place in the log.", "Run `semap db migrate`.")
     lsn, rule_state, watermarks, slot = row
+    if parse_lsn(lsn) == 0:
+        raise SlotLost("A `semap db resync` was begun and did not end.", "Run `semap db resync` again.")
     return Progress(parse_lsn(lsn), RuleSet.from_json(rule_state), MappingProxyType(watermarks)), slot
 
 
-def commit_progress(
-    connection: psycopg.Connection, before_lsn: int, after: Progress, events: list[Event]
-) -> int:
-    """Write events and progress in one statement, if the place in the log is still `before_lsn`.
+def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Progress, made: Made) -> int:
+    """Write what was made and the progress in one statement, if the place in the log is still `before_lsn`.
 
     returns  the number of the last event there is
     raises   ServerUnavailable where another worker has moved on
     """
     with translated():
         row = connection.execute(
-            "select semap.commit_progress(%s, %s::pg_lsn, %s::pg_lsn, %s, %s, %s)",
+            "select semap.commit_progress(%s, %s::pg_lsn, %s::pg_lsn, %s, %s, %s, %s)",
             [
                 WORKER,
                 format_lsn(before_lsn),
                 format_lsn(after.lsn),
                 Jsonb(after.rules.as_json()),
                 Jsonb(dict(after.watermarks)),
-                Jsonb([event_json(event) for event in events]),
+                list(made.gone_maps),
+                Jsonb([event_json(event) for event in made.events]),
             ],
         ).fetchone()
     return int(row[0]) if row else 0

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from play import bring_in, changes, events, play
 from data_sets import data_set
+from play import bring_in, changes, events, play
 from rule_work import await_events, running_worker
 from semap_ingest.track_file import Layout, read_tracks
 from semap_service.demo.scenes import scenes

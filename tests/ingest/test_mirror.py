@@ -37,16 +37,16 @@ def test_snapshot_then_changes(world: World) -> None:
     world.add_room("goes", shapely.box(20, 20, 21, 21))
     with Follower(world.dsn) as follower:
         assert follower.wait_ready(PATIENCE_S)
-        assert set(follower.mirror.footprints("world", "Room")) == {"before", "goes"}
+        assert set(follower.footprints("world", "Room")) == {"before", "goes"}
         world.add_room("after", moved)
         world.edit_room("before", moved)
         world.delete_room("goes")
         await_all(follower, world)
-        footprints = follower.mirror.footprints("world", "Space")
+        footprints = follower.footprints("world", "Space")
     assert set(footprints) == {"before", "after"}
     assert footprints["before"].equals(moved)
-    assert follower.mirror.footprints("world", "Agent") == {}
-    assert follower.mirror.footprints("elsewhere", "Room") == {}
+    assert follower.footprints("world", "Agent") == {}
+    assert follower.footprints("elsewhere", "Room") == {}
 
 
 def test_nothing_falls_between_snapshot_and_stream(world: World) -> None:
@@ -67,7 +67,7 @@ def test_a_mirror_that_lost_its_connection_starts_anew(world: World) -> None:
             other.execute("select pg_terminate_backend(active_pid) from pg_replication_slots where temporary"
                           " and database = current_database()")  # fmt: skip
         world.add_room("new", shapely.box(0, 0, 1, 1))
-        until(lambda: "new" in follower.mirror.footprints("world", "Room"))
+        until(lambda: "new" in follower.footprints("world", "Room"))
     assert world.rows("select slot_name from pg_replication_slots where temporary"
                       " and database = current_database() and active") == []  # fmt: skip
 

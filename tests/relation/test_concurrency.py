@@ -19,11 +19,14 @@ PATIENCE_S = 20.0
 IN_ROOM, OUTSIDE = (2.0, 2.0), (20.0, 20.0)
 
 
-def await_waiting(world: World) -> None:
+def await_lock(observer: psycopg.Connection) -> None:
     """Until some session of this database waits for a lock."""
     deadline_s = time.monotonic() + PATIENCE_S
-    while not world.rows(
-        "select from pg_stat_activity where datname = current_database() and wait_event_type = 'Lock'"
+    while (
+        observer.execute(
+            "select from pg_stat_activity where datname = current_database() and wait_event_type = 'Lock'"
+        ).fetchone()
+        is None
     ):
         assert time.monotonic() < deadline_s
         Signal().wait(0.01)
@@ -46,7 +49,7 @@ def test_a_state_that_waited_for_an_edit_sees_the_edited_room(world: World) -> N
             "update semap.abstraction set geometry = st_makeenvelope(10, 10, 14, 14) where type = 'Footprint'"
         )
         writing = pool.submit(copy_state, world.dsn, track, 2 * SECOND_US, (12.0, 12.0))
-        await_waiting(world)
+        await_lock(world.connection)
         editor.commit()
         writing.result(PATIENCE_S)
     assert world.changes() == [
@@ -65,11 +68,7 @@ def test_an_edit_that_waited_for_a_state_sees_where_the_track_is(world: World) -
                        " values (%s, to_timestamp(2), 2, 2)", [track])  # fmt: skip
         editing = pool.submit(world.edit_room, "room", shapely.box(0, 0, 1, 1))
         with connect(world.dsn) as observer:
-            deadline_s = time.monotonic() + PATIENCE_S
-            while observer.execute(
-                "select from pg_stat_activity where datname = current_database() and wait_event_type = 'Lock'"
-            ).fetchone() is None:  # fmt: skip
-                assert time.monotonic() < deadline_s
+            await_lock(observer)
         writer.commit()
         editing.result(PATIENCE_S)
     assert world.changes() == [
@@ -86,7 +85,7 @@ def test_two_writers_of_one_source_take_turns(world: World) -> None:
         first.execute("insert into semap.track_state (track_id, stamp, x_m, y_m)"
                       " values (%s, to_timestamp(1), 2, 2)", [track])  # fmt: skip
         second = pool.submit(copy_state, world.dsn, track, 2 * SECOND_US, OUTSIDE)
-        await_waiting(world)
+        await_lock(world.connection)
         first.commit()
         second.result(PATIENCE_S)
     assert [change[2:] for change in world.changes()] == [
@@ -101,6 +100,50 @@ def test_another_isolation_level_is_refused(world: World) -> None:
         writer.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         with pytest.raises(psycopg.Error, match="READ COMMITTED"):
             writer.execute("insert into semap.track_state values (%s, now(), 0, 0)", [track])
+
+
+def test_a_query_added_while_a_room_is_being_added_sees_it(world: World) -> None:
+    track = world.add_track("t")
+    world.add_states([(track, SECOND_US, *IN_ROOM, None)])
+    with connect(world.dsn, autocommit=False) as editor, ThreadPoolExecutor() as pool:
+        mine = World.__new__(World)
+        mine.__dict__.update(world.__dict__, connection=editor)
+        mine.add_room("room", shapely.box(0, 0, 4, 4))
+        adding = pool.submit(
+            world.run,
+            "insert into semap.continuous_query (map_id, name, object_concept_id)"
+            " select %s, 'second', concept_id from semap.concept where name = 'Space'", world.map_id,
+        )  # fmt: skip
+        with connect(world.dsn) as observer:
+            await_lock(observer)
+        editor.commit()
+        adding.result(PATIENCE_S)
+    assert world.one("select count(*) from semap.region") == 2
+    assert world.one("select count(*) from semap.relation") == 2
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["delete from semap.map", "delete from semap.source", "update semap.track set ended_at = '2026-02-01Z'"],
+)
+def test_a_writer_and_who_deletes_or_ends_its_tracks_do_not_block_each_other(
+    world: World, other: str
+) -> None:
+    world.add_room("room", shapely.box(0, 0, 4, 4))
+    first, second = world.add_track("a"), world.add_track("b")
+    insert = "insert into semap.track_state (track_id, stamp, x_m, y_m, is_last) values (%s, %s, 2, 2, true)"
+    with connect(world.dsn, autocommit=False) as writer, ThreadPoolExecutor() as pool:
+        writer.execute(insert, [first, "2026-01-01Z"])
+        changing = pool.submit(world.run, other)
+        with connect(world.dsn) as observer:
+            await_lock(observer)
+        writer.execute(insert, [second, "2026-01-01Z"])
+        writer.commit()
+        changing.result(PATIENCE_S)
+    assert world.one("select count(*) from semap.relation") == 0
+    if other.startswith("delete"):
+        assert world.one("select count(*) from semap.track_state") == 0
+        assert world.one("select count(*) from semap.relation_change") == 0
 
 
 @pytest.mark.parametrize("seed", range(2))

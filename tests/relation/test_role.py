@@ -16,6 +16,8 @@ REFUSED = {
         "insert into semap.relation values (1, 1, 1, 1, 1, now())", "update semap.track_now set live = true",
         "delete from semap.relation_change", "delete from semap.event", "update semap.progress set event_seq = 9",
         "delete from semap.track_state", "update semap.rule set enabled = false",
+        "update semap.track set source_id = 1", "update semap.source set map_id = 1",
+        "select semap.commit_progress('rules', '0/0', '0/0', '{}', '{}', '{}', '[]')",
     ],
     "semap_worker": [
         STATE, "delete from semap.instance", "update semap.rule set enabled = false", "delete from semap.relation",
@@ -24,6 +26,8 @@ REFUSED = {
     "semap_api": [
         STATE, "delete from semap.event", "delete from semap.relation_change", "update semap.progress set event_seq = 9",
         "delete from semap.relation", "update semap.track_now set live = true", "update semap.region set z_min_m = 0",
+        "update semap.map set cell_m = 1", "select semap.ensure_partitions(array[current_date])",
+        "select semap.commit_progress('rules', '0/0', '0/0', '{}', '{}', '{}', '[]')",
     ],
     "semap_read": [
         STATE, "delete from semap.instance", "delete from semap.event", "update semap.rule set enabled = false",
@@ -37,6 +41,19 @@ REFUSED = {
 def test_a_write_of_another_stage_is_refused(world: World, role: str, statement: str) -> None:
     with connect(world.dsn, role) as connection, pytest.raises(psycopg.errors.InsufficientPrivilege):
         connection.execute(statement)
+
+
+@pytest.mark.parametrize(
+    "function", ["track_deleted", "map_deleted", "track_state_inserted", "instance_changed"]
+)
+def test_a_function_that_acts_for_its_owner_cannot_be_borrowed(world: World, function: str) -> None:
+    with connect(world.dsn, "semap_read") as connection:
+        connection.execute("create temp table mine (track_id bigint)")
+        with pytest.raises(psycopg.errors.InsufficientPrivilege):
+            connection.execute(
+                "create trigger borrowed after delete on mine referencing old table as old_track"
+                f" for each statement execute function semap.{function}()"
+            )
 
 
 @pytest.mark.parametrize("role", REFUSED)

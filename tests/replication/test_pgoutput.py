@@ -37,6 +37,7 @@ MESSAGES = [
     b"U" + ROW + b"N" + tuple_data("1", None),
     b"U" + ROW + b"K" + tuple_data("1", None) + b"N" + tuple_data("2", "b"),
     b"U" + ROW + b"N" + struct.pack("!H", 2) + text("2") + b"u",
+    b"U" + ROW + b"O" + tuple_data("2", "long") + b"N" + struct.pack("!H", 2) + text("3") + b"u",
     b"D" + ROW + b"K" + tuple_data("2", None),
     b"T" + struct.pack("!I", 1) + b"\0" + ROW,
     b"O" + struct.pack("!Q", 0) + b"origin\0",
@@ -47,6 +48,7 @@ CHANGES = (
     Change("rule", "update", {"id": "1", "name": None}),
     Change("rule", "update", {"id": "2", "name": "b"}),
     Change("rule", "update", {"id": "2"}),
+    Change("rule", "update", {"id": "3", "name": "long"}),
     Change("rule", "delete", {"id": "2"}),
     Change("rule", "truncate", {}),
 )
@@ -55,7 +57,7 @@ CHANGES = (
 def test_a_transaction_comes_whole_at_its_commit() -> None:
     assembler = Assembler()
     given_out = [assembler.feed(message) for message in MESSAGES]
-    assert given_out == [None] * 9 + [Transaction(540, CHANGES)]
+    assert given_out == [None] * 10 + [Transaction(540, CHANGES)]
     assert assembler.between_transactions
 
 

@@ -11,7 +11,7 @@ from semap.replication.pgoutput import Transaction, parse_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.store.database import connect
 
-PUBLICATIONS = ("semap_change",)
+PUBLICATIONS = ("semap_change", "semap_rule")
 PATIENCE_S = 10.0
 
 
@@ -30,7 +30,11 @@ def test_transactions_come_in_the_order_of_their_commits_and_again_until_acknowl
         world.one("select confirmed_flush_lsn::text from pg_replication_slots where slot_name = %s", slot)
     )
     stream = open_stream(world.dsn, slot, PUBLICATIONS, start)
-    assert [[change.table for change in t.changes] for t in receive(stream, 2)] == [["rule"], ["source"]]
+    assert [[change.table for change in t.changes] for t in receive(stream, 3)] == [
+        ["map"],
+        ["rule"],
+        ["source"],
+    ]
     world.add_room("room", shapely.box(0, 0, 1, 1))
     track = world.add_track("t")
     world.add_states([(track, SECOND_US, 0.5, 0.5, None), (track, 2 * SECOND_US, 2, 2, None)])
@@ -42,7 +46,7 @@ def test_transactions_come_in_the_order_of_their_commits_and_again_until_acknowl
     stream.close()
 
     again = open_stream(world.dsn, slot, PUBLICATIONS, start)
-    assert receive(again, 3)[-1] == changes
+    assert receive(again, 4)[-1] == changes
     again.acknowledge(changes.end_lsn)
     again.close()
     world.run("update semap.rule set enabled = false")
@@ -82,7 +86,7 @@ def test_the_log_of_unpublished_tables_is_let_go(world: World) -> None:
     """A slot that only ever sees other tables change must not keep the log back."""
     slot = world.one("select semap.rule_slot()")
     stream = open_stream(world.dsn, slot, PUBLICATIONS, 0)
-    for transaction in receive(stream, 2):
+    for transaction in receive(stream, 3):
         stream.acknowledge(transaction.end_lsn)
     world.run("create table public.noise as select generate_series(1, 200000) n")
     target = parse_lsn(world.one("select pg_current_wal_lsn()::text"))

@@ -8,7 +8,7 @@ from uuid import UUID
 
 import pytest
 import shapely
-from rule_work import await_events, events, running_worker
+from rule_work import await_event_of, await_events, running_worker
 from world import SECOND_US, World
 
 from semap.errors import Conflict, ServerUnavailable, SlotLost
@@ -18,7 +18,7 @@ from semap.store.database import connect
 from semap.store.schema import ensure_slot
 from semap.timeline.stamp import to_datetime
 from semap.worker.resync import resync
-from semap.worker.rule_worker import Progress, commit_progress, work
+from semap.worker.rule_worker import Made, Progress, commit_progress, work
 
 ROOM = shapely.box(0, 0, 4, 4)
 
@@ -102,9 +102,9 @@ def test_only_one_of_two_workers_moves_on(world: World) -> None:
     """A worker that lost its slot without noticing may not commit what another has committed."""
     with connect(world.dsn) as connection:
         (lsn,) = connection.execute("select lsn::text from semap.progress").fetchone()
-        commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 10, RuleSet()), [])
+        commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 10, RuleSet()), Made())
         with pytest.raises(ServerUnavailable, match="moved the progress"):
-            commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 20, RuleSet()), [])
+            commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 20, RuleSet()), Made())
 
 
 def test_watermarks_are_kept_with_the_progress(world: World) -> None:
@@ -171,21 +171,76 @@ def test_a_lost_slot_is_told_and_made_again_without_loss(world: World) -> None:
     assert [row[0] for row in log] == [1, 2, 3, 4, 5, 6]
 
 
-def test_ids_are_the_same_on_another_database(world: World, database: str) -> None:
-    assert database == world.dsn
+def test_a_map_made_again_under_its_name_starts_anew_with_the_same_ids(world: World) -> None:
     world.add_room("kitchen", ROOM)
     visit(world, "ann", 10)
     with running_worker(world.dsn):
         first = await_events(world.dsn, 2)
-    world.run("delete from semap.map")
-    assert events(world.dsn) == []
-    again = World(world.dsn, "world")
-    again.add_room("decoy", shapely.box(50, 50, 60, 60))
-    again.add_room("kitchen", ROOM)
-    again.add_track("decoy")
-    visit(again, "ann", 10)
-    with running_worker(world.dsn):
-        second = await_events(world.dsn, 2)
-    assert [row[1] for row in second] == [row[1] for row in first]
+        world.run("delete from semap.map")
+        again = World(world.dsn, "world")
+        again.add_room("decoy", shapely.box(50, 50, 60, 60))
+        again.add_room("kitchen", ROOM)
+        again.add_track("decoy")
+        visit(again, "ann", 10)
+        visit(again, "bob", 20)
+        second = await_event_of(world.dsn, "bob", "left")
+    assert [row[1] for row in second[:2]] == [row[1] for row in first]
+    assert [row[4] for row in second] == ["ann", "ann", "bob", "bob"]
     assert all(UUID(row[1]).version == 5 for row in first)
     again.close()
+
+
+def test_a_map_deleted_and_made_again_while_no_worker_ran(world: World) -> None:
+    world.add_room("kitchen", ROOM)
+    visit(world, "ann", 10)
+    world.run("delete from semap.map")
+    again = World(world.dsn, "world")
+    again.add_room("kitchen", ROOM)
+    visit(again, "ann", 10)
+    with running_worker(world.dsn):
+        log = await_events(world.dsn, 2)
+    assert [row[4] for row in log] == ["ann", "ann"]
+    assert world.rows("select distinct map_id from semap.event") == [(again.map_id,)]
+    again.close()
+
+
+def test_a_rule_that_cannot_be_read_stops_no_other(world: World) -> None:
+    world.add_room("kitchen", ROOM)
+    world.run(
+        "insert into semap.rule (map_id, name, query_id, declaration) values (%s, 'broken', %s, '{}')",
+        world.map_id, world.query_id,
+    )  # fmt: skip
+    visit(world, "ann", 10)
+    world.run("delete from semap.rule where name = 'broken'")
+    visit(world, "bob", 20)
+    with running_worker(world.dsn):
+        log = await_events(world.dsn, 4)
+    assert [row[4] for row in log] == ["ann", "ann", "bob", "bob"]
+
+
+def test_a_long_rule_whose_text_is_stored_out_of_line_is_disabled(world: World) -> None:
+    """An update that leaves the declaration as it is does not carry it in the new row."""
+    world.add_room("kitchen", ROOM)
+    world.run("alter table semap.rule alter declaration set storage external")
+    world.run(
+        "update semap.rule set declaration = declaration || jsonb_build_object('note', repeat('x', 9000))"
+    )
+    world.run("update semap.rule set declaration = declaration - 'note'")
+    visit(world, "ann", 10)
+    world.run("update semap.rule set enabled = false")
+    visit(world, "bob", 20)
+    world.run("update semap.rule set enabled = true")
+    visit(world, "eve", 30)
+    with running_worker(world.dsn):
+        log = await_events(world.dsn, 4)
+    assert [row[4] for row in log] == ["ann", "ann", "eve", "eve"]
+
+
+def test_a_resync_that_was_killed_lets_no_worker_begin(world: World) -> None:
+    world.add_room("kitchen", ROOM)
+    visit(world, "ann", 10)
+    world.run("update semap.progress set lsn = '0/0'")
+    world.run("select semap.replace_rule_slot()")
+    with pytest.raises(SlotLost, match="did not end"):
+        work(world.dsn, Signal())
+    assert resync(world.dsn) == 2

@@ -88,7 +88,7 @@ def tracks(
         map_name=map_name,
         source=source or file.stem,
         path=str(file),
-        fingerprint=fingerprint(file, layout),
+        fingerprint=fingerprint(file, layout, frame, keep_open),
         batch_size=batch,
         realtime=realtime,
         keep_open=keep_open,
@@ -98,8 +98,9 @@ def tracks(
             read = in_map_frame(opened, map_name, frame, read)
         with progress_bar("states", quiet=as_json) as advance:
             done = replay(opened, plan, read, advance)
-        follower.wait_ready(MIRROR_WAIT_S)
-        inside = count_inside(follower.mirror.footprints(map_name, "Room"), read.x_m, read.y_m)
+        inside = None
+        if follower.wait_ready(MIRROR_WAIT_S):
+            inside = count_inside(follower.footprints(map_name, "Room"), read.x_m, read.y_m)
     if as_json:
         print_json(
             {
@@ -113,10 +114,9 @@ def tracks(
         return
     if done.resumed_at:
         typer.echo(f"{done.resumed_at} states had been written before.")
-    typer.echo(
-        f"{done.states} states of {done.tracks} tracks written to map {map_name}; "
-        f"{100 * inside / len(read):.1f} % of the file lies inside a room."
-    )
+    typer.echo(f"{done.states} states of {done.tracks} tracks written to map {map_name}.")
+    if inside is not None:
+        typer.echo(f"{100 * inside / len(read):.1f} % of the file's states lie inside a room.")
     if done.late:
         typer.echo(f"{done.late} states came late: they are kept, but changed no relation.")
     if inside == 0:

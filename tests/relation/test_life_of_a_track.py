@@ -1,0 +1,84 @@
+"""Tracks end, come back, come late, and go; each where a plain reading of the rows would have it."""
+
+from __future__ import annotations
+
+import psycopg
+import pytest
+import shapely
+from world import SECOND_US, World
+
+ROOM = shapely.box(0, 0, 4, 4)
+
+
+def ended(world: World) -> list[tuple[bool, bool]]:
+    return world.rows(
+        "select t.ended_at is not null, n.live from semap.track t join semap.track_now n using (track_id)"
+    )
+
+
+def test_a_late_state_does_not_bring_an_ended_track_back(world: World) -> None:
+    track = world.add_track("t")
+    world.add_states([(track, SECOND_US, 2, 2, None)])
+    world.add_states([(track, 5 * SECOND_US, 2, 2, None, True)])
+    world.add_states([(track, 3 * SECOND_US, 2, 2, None)])
+    assert ended(world) == [(True, False)]
+    assert world.one("select late_states from semap.source") == 1
+    world.add_states([(track, 7 * SECOND_US, 2, 2, None)])
+    assert ended(world) == [(False, True)]
+
+
+def test_a_track_that_left_was_put_back_by_an_edit_and_ended_at_one_stamp(world: World) -> None:
+    world.add_room("room", ROOM)
+    track = world.add_track("t")
+    world.add_states([(track, SECOND_US, 2, 2, None), (track, 2 * SECOND_US, 9, 2, None)])
+    world.edit_room("room", shapely.box(0, 0, 12, 4))
+    world.end_track(track, 2 * SECOND_US)
+    assert [change[2:4] for change in world.changes()] == [
+        ("began", "appeared"), ("ended", "moved"), ("began", "map"), ("ended", "disappeared"),
+    ]  # fmt: skip
+
+
+def test_a_deleted_track_may_come_again(world: World) -> None:
+    world.add_room("room", ROOM)
+    for _ in range(2):
+        world.add_states([(world.add_track("t"), SECOND_US, 2, 2, None)])
+        assert world.relations() == {("t", "room", SECOND_US)}
+        world.run("delete from semap.track")
+        assert world.relations() == set()
+        assert world.changes() == []
+        assert world.one("select count(*) from semap.track_state") == 0
+
+
+@pytest.mark.parametrize("stamp", ["infinity", "-infinity", "12000-01-01Z", "1700-01-01Z"])
+def test_a_stamp_beyond_all_use_is_refused(world: World, stamp: str) -> None:
+    track = world.add_track("t")
+    with pytest.raises(psycopg.errors.CheckViolation):
+        world.run("insert into semap.track_state values (%s, %s, 0, 0)", track, stamp)
+
+
+@pytest.mark.parametrize("place", ["'NaN', 0", "0, 'infinity'", "1e8, 0"])
+def test_a_place_beyond_all_use_is_refused(world: World, place: str) -> None:
+    track = world.add_track("t")
+    with pytest.raises(psycopg.errors.CheckViolation):
+        world.run(f"insert into semap.track_state values (%s, now(), {place})", track)
+
+
+def test_days_get_partitions_of_their_own(world: World) -> None:
+    track = world.add_track("t")
+    world.run("insert into semap.track_state values (%s, '2026-01-02 12:00Z', 0, 0)", track)
+    world.run("select semap.ensure_partitions(array[date '2026-01-01', '2026-01-02', '2026-01-03'])")
+    world.run("select semap.ensure_partitions(array[date '2026-01-01', '2026-01-03', '2026-01-04'])")
+    world.add_room("room", ROOM)
+    for day in range(3, 6):
+        world.run(
+            "insert into semap.track_state values (%s, make_timestamptz(2026, 1, %s, 12, 0, 0), 2, 2)",
+            track,
+            day,
+        )
+    assert world.rows("select tableoid::regclass::text, count(*) from semap.track_state group by 1 order by 1") == [
+        ("semap.track_state_20260103", 1), ("semap.track_state_20260104", 1), ("semap.track_state_default", 2),
+    ]  # fmt: skip
+    assert {pair[:2] for pair in world.relations()} == {("t", "room")}
+    days = [f"{year}-{month:02d}-01" for year in range(1900, 1950) for month in range(1, 13)]
+    world.run("select semap.ensure_partitions(%s::date[])", days)
+    assert world.one("select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass") == 4
