@@ -21,7 +21,7 @@ create or replace trigger track_inserted after insert on semap.track
 -- they are kept and counted as late. A state that is its track's last ends the track after it.
 create or replace function semap.track_state_inserted() returns trigger
 language plpgsql security definer
-set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_seqscan = off set enable_mergejoin = off as $$
+set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off as $$
 declare
   v_source_id  integer;
   v_unknown    bigint;

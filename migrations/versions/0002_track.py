@@ -51,7 +51,7 @@ STATEMENTS = (
       z_m       double precision,
       std_m     real,
       is_last   boolean not null default false,
-      primary key (track_id, stamp),
+      primary key (stamp, track_id),
       constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
       constraint state_is_finite check (abs(x_m) <= 1e7 and abs(y_m) <= 1e7 and abs(z_m) <= 1e7)
     ) partition by range (stamp)
