@@ -49,6 +49,30 @@ def test_behaviour_that_was_changed_by_hand_or_by_a_version_is_applied_again(dat
         assert connection.execute("select semap.rule_slot()::text like 'semap_rules_%'").fetchone() == (True,)
 
 
+def test_a_function_of_an_earlier_version_does_not_live_on(database: str) -> None:
+    with connect(database) as connection:
+        connection.execute(
+            "create function semap.change_uid(text) returns uuid language sql as $$ select null::uuid $$"
+        )
+        connection.execute("create function semap.forgotten() returns int language sql as $$ select 1 $$")
+        connection.execute(
+            "create view public.mine as select track, semap.rule_slot() as slot from semap.relation_now"
+        )
+        connection.execute("update semap.behaviour set checksum = 'older'")
+        triggers = (
+            "select tgname, tgrelid::regclass::text from pg_trigger where not tgisinternal order by 1, 2"
+        )
+        before = connection.execute(triggers).fetchall()
+        migrate(database)
+        assert connection.execute("select to_regprocedure('semap.forgotten()')").fetchone() == (None,)
+        assert connection.execute("select count(*) from pg_proc where proname = 'change_uid'").fetchone() == (
+            1,
+        )
+        assert connection.execute("select count(*) from public.mine").fetchone() == (0,)
+        assert connection.execute(triggers).fetchall() == before
+        assert is_current(connection)
+
+
 def test_versions_are_those_of_alembic() -> None:
     scripts = ScriptDirectory(str(schema_folder("migrations")))
     assert scripts.get_current_head() == head_version()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semap.errors import DatabaseError
+from semap_service.cli.output import counted
 from semap_service.cli.processes import CHECK_S
 
 if TYPE_CHECKING:
@@ -103,7 +104,9 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
     tracks = read_tracks(scene.tracks, scene.layout)
     length_s = (tracks.stamp_us[-1] - tracks.stamp_us[0]) / 1e6
     speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
-    typer.echo(f"   Replaying {len(tracks)} states of {len(tracks.names)} tracks, {length_s:.0f} s, {speed}:")
+    typer.echo(
+        f"   Replaying {len(tracks)} states of {counted(len(tracks.names), 'track')}, {length_s:.0f} s, {speed}:"
+    )
     identity = fingerprint(scene.tracks, scene.layout)
     plan = Plan(scene.name, "recording", str(scene.tracks), identity, realtime=pace)
     with connect(dsn, "semap_read", application="semap demo") as reader:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import print_json
+from semap_service.cli.output import counted, print_json
 from semap_service.cli.session import AsJson, Dsn, database
 
 MIRROR_WAIT_S = 10.0
@@ -114,7 +114,7 @@ def tracks(
         return
     if done.resumed_at:
         typer.echo(f"{done.resumed_at} states had been written before.")
-    typer.echo(f"{done.states} states of {done.tracks} tracks written to map {map_name}.")
+    typer.echo(f"{done.states} states of {counted(done.tracks, 'track')} written to map {map_name}.")
     if inside is not None:
         typer.echo(f"{100 * inside / len(read):.1f} % of the file's states lie inside a room.")
     if done.late:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import counted, print_json, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def report_lines(report: ImportReport) -> list[str]:
     counts = ", ".join(f"{count} {concept}" for concept, count in report.concepts.items())
     lines = [f"Imported into map {report.map}: {counts}."]
     for rooms, count in report.doors.items():
-        lines.append(f"  {count} doors or openings join {rooms} room{'' if rooms == 1 else 's'}.")
+        lines.append(f"  Doors and openings that join {counted(rooms, 'room')}: {count}")
     lines += [f"  {finding.action}: {finding.subject}: {finding.reason}" for finding in report.findings]
     return lines
 

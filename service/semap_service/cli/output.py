@@ -36,6 +36,11 @@ def print_rows(rows: Sequence[Mapping[str, Any]], as_json: bool, empty: str) -> 
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
 
 
+def counted(count: int, noun: str) -> str:
+    """1 track, 2 tracks."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def clock(stamp: datetime) -> str:
     """A stamp for people, in UTC, to the nearest millisecond."""
     nearest = stamp + timedelta(microseconds=500)

@@ -1,0 +1,28 @@
+-- Whatever an earlier version defined goes before its successor comes, so that a function whose
+-- parameters changed does not live on beside the new one. What somebody else's object depends on stays
+-- and is replaced in place.
+do $$
+declare
+  v_object  record;
+begin
+  for v_object in
+    select g.tgname, g.tgrelid::regclass as on_table
+    from pg_trigger g join pg_proc p on p.oid = g.tgfoid
+    where not g.tgisinternal and g.tgparentid = 0 and p.pronamespace = 'semap'::regnamespace
+  loop
+    execute format('drop trigger %I on %s', v_object.tgname, v_object.on_table);
+  end loop;
+  for v_object in
+    select format('drop view %s', oid::regclass) as statement
+    from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'
+    union all
+    select format('drop function %s', oid::regprocedure)
+    from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'f'
+  loop
+    begin
+      execute v_object.statement;
+    exception when dependent_objects_still_exist then
+      null;
+    end;
+  end loop;
+end $$;
