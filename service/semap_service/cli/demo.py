@@ -104,9 +104,8 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
     tracks = read_tracks(scene.tracks, scene.layout)
     length_s = (tracks.stamp_us[-1] - tracks.stamp_us[0]) / 1e6
     speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
-    typer.echo(
-        f"   Replaying {len(tracks)} states of {counted(len(tracks.names), 'track')}, {length_s:.0f} s, {speed}:"
-    )
+    what = f"{len(tracks)} states of {counted(len(tracks.names), 'track')}"
+    typer.echo(f"   Replaying {what}, {length_s:.0f} s, {speed}:")
     identity = fingerprint(scene.tracks, scene.layout)
     plan = Plan(scene.name, "recording", str(scene.tracks), identity, realtime=pace)
     with connect(dsn, "semap_read", application="semap demo") as reader:
