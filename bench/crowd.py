@@ -80,18 +80,16 @@ def build_map(
 
     from semap.model.building import Building, HeightBand, Item  # noqa: PLC0415
     from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
 
     items = tuple(
         Item(uid=uuid4(), name=f"room {i}", concept="Room", footprint=room, band=HeightBand(0, 3))
         for i, room in enumerate(rooms)
     )
-    engine = open_engine(connection.info.dsn)
-    with engine.begin() as c:
+    with one_transaction(connection.info.dsn) as c:
         create_map(c, name)
         import_building(c, name, Building((), items))
-    engine.dispose()
     (map_id,) = connection.execute("select map_id from semap.map where name = %s", [name]).fetchone() or (0,)
     (source_id,) = connection.execute(
         "insert into semap.source (map_id, name) values (%s, 'crowd') returning source_id", [map_id]

@@ -3,15 +3,25 @@
 -- Each statement of a trigger sees what was committed before its lock was granted, which holds
 -- only at READ COMMITTED.
 
+-- Refuse a transaction whose statements do not see what was committed before their locks.
+create or replace function semap.require_read_committed() returns void
+language plpgsql as $$
+begin
+  if current_setting('transaction_isolation') <> 'read committed' then
+    raise exception 'semap maintains relations at READ COMMITTED only, not at %.',
+      upper(current_setting('transaction_isolation'))
+      using errcode = 'invalid_transaction_state',
+            hint = 'Set the isolation level of this transaction to READ COMMITTED.';
+  end if;
+end $$;
+comment on function semap.require_read_committed is
+  'Refuse a transaction whose statements do not see what was committed before their locks.';
+
 -- Keep every region as it is until the transaction ends; many may hold this at once.
 create or replace function semap.hold_regions() returns void
 language plpgsql as $$
 begin
-  if current_setting('transaction_isolation') <> 'read committed' then
-    raise exception 'semap maintains relations at READ COMMITTED only, not at %',
-      upper(current_setting('transaction_isolation'))
-      using errcode = 'invalid_transaction_state', hint = 'Set the isolation level of this transaction to READ COMMITTED.';
-  end if;
+  perform semap.require_read_committed();
   perform pg_advisory_xact_lock_shared(7363, 0);
 end $$;
 comment on function semap.hold_regions is
@@ -21,11 +31,7 @@ comment on function semap.hold_regions is
 create or replace function semap.change_regions() returns void
 language plpgsql as $$
 begin
-  if current_setting('transaction_isolation') <> 'read committed' then
-    raise exception 'semap maintains relations at READ COMMITTED only, not at %',
-      upper(current_setting('transaction_isolation'))
-      using errcode = 'invalid_transaction_state', hint = 'Set the isolation level of this transaction to READ COMMITTED.';
-  end if;
+  perform semap.require_read_committed();
   perform pg_advisory_xact_lock(7363, 0);
 end $$;
 comment on function semap.change_regions is

@@ -10,7 +10,7 @@ from semap_ingest.track_file import Tracks
 
 from semap.model.building import Building
 from semap.store.building import ImportReport, import_building
-from semap.store.database import connect, open_engine
+from semap.store.database import connect, one_transaction
 from semap.store.maps import create_map
 
 EVENTS = """
@@ -21,13 +21,9 @@ EVENTS = """
 
 def bring_in(dsn: str, name: str, building: Building) -> ImportReport:
     """Import a building into a new map."""
-    engine = open_engine(dsn, "semap_api")
-    try:
-        with engine.begin() as connection:
-            create_map(connection, name)
-            return import_building(connection, name, building)
-    finally:
-        engine.dispose()
+    with one_transaction(dsn, "semap_api") as connection:
+        create_map(connection, name)
+        return import_building(connection, name, building)
 
 
 def play(dsn: str, name: str, tracks: Tracks, **options: object) -> None:

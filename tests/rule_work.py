@@ -59,6 +59,21 @@ def await_event_of(dsn: str, track: str, kind: str) -> list[tuple]:
     return events(dsn)
 
 
+def await_events_of(dsn: str, map_id: int, count: int) -> list[tuple]:
+    """Id, type, stamp and names of the events of a map as soon as there are `count`, in their order."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    with connect(dsn) as connection:
+        while True:
+            rows = connection.execute(
+                "select event_id, type, cause, stamp, since, track_name, instance_name from semap.event"
+                " where map_id = %s order by seq", [map_id],
+            ).fetchall()  # fmt: skip
+            if len(rows) >= count:
+                return rows
+            assert time.monotonic() < deadline_s
+            Signal().wait(0.01)
+
+
 def _count(connection: psycopg.Connection) -> int:
     row = connection.execute("select count(*) from semap.event").fetchone()
     assert row is not None

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
 from semap.geometry.pose import transform_points
-from semap.store.database import connect, translated
-from semap.store.frames import map_from_frame
+from semap.store.database import connect, one_transaction, translated
+from semap.store.placement import map_from_named_frame
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.state_copy import COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
@@ -108,8 +108,8 @@ def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
 
     raises NotFound, where there is no such frame
     """
-    with connect(dsn, ROLE, application="semap ingest") as connection:
-        matrix = map_from_frame(connection, map_name, frame)
+    with one_transaction(dsn, ROLE, application="semap ingest") as connection:
+        matrix = map_from_named_frame(connection, map_name, frame)
     points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
     x_m, y_m, z_m = transform_points(matrix, points).T
     return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m)

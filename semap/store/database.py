@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import psycopg
 from psycopg import errors, sql
-from sqlalchemy import Engine, create_engine
+from sqlalchemy import Connection, Engine, create_engine
 from sqlalchemy.exc import DBAPIError
 
 from semap.errors import Conflict, DatabaseError, InvalidInput, SemapError, ServerUnavailable
@@ -49,6 +49,17 @@ def open_engine(dsn: str, role: str | None = None, *, application: str = "semap"
         max_overflow=size,
         pool_pre_ping=True,
     )
+
+
+@contextmanager
+def one_transaction(dsn: str, role: str | None = None, *, application: str = "semap") -> Iterator[Connection]:
+    """An SQLAlchemy connection in a transaction of its own: committed at the end, or nothing."""
+    engine = open_engine(dsn, role, application=application, size=1)
+    try:
+        with translated(), engine.begin() as connection:
+            yield connection
+    finally:
+        engine.dispose()
 
 
 @contextmanager

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, select, text
 
-from semap.errors import InvalidInput
+from semap.errors import InvalidInput, NotFound
 from semap.geometry.pose import pose_from_matrix
 from semap.model.pose import IDENTITY, Pose
 from semap.store.database import translated
+from semap.store.tables import frame, map_
 
 ROOT_FRAME = "map"
 
@@ -118,6 +119,25 @@ def map_from_frames(connection: Connection, frame_ids: Sequence[int]) -> dict[in
     for frame_id, *pose in rows:
         matrices[frame_id] = Pose(*pose).matrix() @ matrices.get(frame_id, np.eye(4))
     return matrices
+
+
+def map_from_named_frame(connection: Connection, map_name: str, name: str) -> NDArray[np.float64]:
+    """map_T_frame of the frame of a name, (4, 4) float64.
+
+    raises  NotFound
+    """
+    named = (
+        select(frame.c.frame_id)
+        .join(map_, map_.c.map_id == frame.c.map_id)
+        .where(map_.c.name == map_name, frame.c.name == name)
+    )
+    with translated():
+        frame_id = connection.scalar(named)
+    if frame_id is None:
+        raise NotFound(
+            "frame", name, f"It was looked for on map {map_name}; storeys and instances have frames."
+        )
+    return map_from_frames(connection, [frame_id])[frame_id]
 
 
 def inverse(parent_T_child: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from sqlalchemy import Connection, text
 
 import semap
 from semap.errors import DatabaseError
-from semap.store.database import connect, open_engine, translated
+from semap.store.database import connect, one_transaction, translated
 
 MIGRATION_LOCK = 7366
 
@@ -45,15 +45,11 @@ def migrate(dsn: str, *, slot: bool = True) -> Migrated:
     slot    also make the rule worker's slot; not in a database that is only copied from
     raises  DatabaseError where the database is newer than this semap
     """
-    engine = open_engine(dsn, application="semap migrate")
-    try:
-        with translated(), engine.begin() as connection:
-            connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
-            connection.execute(text("create schema if not exists semap"))
-            before = _upgrade(connection)
-            changed = _apply_behaviour(connection, again=before != head_version())
-    finally:
-        engine.dispose()
+    with one_transaction(dsn, application="semap migrate") as connection:
+        connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
+        connection.execute(text("create schema if not exists semap"))
+        before = _upgrade(connection)
+        changed = _apply_behaviour(connection, again=before != head_version())
     if slot:
         with connect(dsn, application="semap migrate") as plain:
             ensure_slot(plain)

@@ -131,15 +131,13 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
 
 def _bring_in(dsn: str, scene: Scene) -> None:
     from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
     from semap_service.cli.maps import report_lines  # noqa: PLC0415
 
-    engine = open_engine(dsn, "semap_api")
-    with engine.begin() as connection:
+    with one_transaction(dsn, "semap_api") as connection:
         create_map(connection, scene.name)
         report = import_building(connection, scene.name, scene.building)
-    engine.dispose()
     for line in report_lines(report):
         typer.echo(f"   {line}")
 

@@ -48,20 +48,21 @@ def import_file(
     """
     from semap.formats import read_building  # noqa: PLC0415
     from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map, list_maps  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
     map_name = name or file.stem
     with progress_bar("objects read", quiet=as_json) as advance:
         building = read_building(file, advance)
-    with database(dsn) as opened:
-        engine = open_engine(opened, "semap_api", application="semap map import")
-        with engine.begin() as connection, progress_bar("objects placed", quiet=as_json) as advance:
-            if map_name not in {found.name for found in list_maps(connection)}:
-                create_map(connection, map_name, cell)
-            report = import_building(connection, map_name, building, advance)
-        engine.dispose()
+    with (
+        database(dsn) as opened,
+        one_transaction(opened, "semap_api") as connection,
+        progress_bar("objects placed", quiet=as_json) as advance,
+    ):
+        if map_name not in {found.name for found in list_maps(connection)}:
+            create_map(connection, map_name, cell)
+        report = import_building(connection, map_name, building, advance)
     if as_json:
         print_json(asdict(report))
     else:
@@ -81,10 +82,10 @@ def report_lines(report: ImportReport) -> list[str]:
 
 def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the maps."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import list_maps  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_read").connect() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         rows = [asdict(found) for found in list_maps(connection)]
     print_rows(rows, as_json, "No maps yet. Import one: semap map import BUILDING.geojson")
 
@@ -98,12 +99,12 @@ def show(
     dsn: Dsn = None,
 ) -> None:
     """Show what is on a map: rooms, doors, storeys."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.instances import list_instances  # noqa: PLC0415
     from semap.store.maps import get_map  # noqa: PLC0415
 
     rows: list[dict[str, object]] = []
-    with database(dsn) as opened, open_engine(opened, "semap_read").connect() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         get_map(connection, name)
         after = 0
         while page := list_instances(
@@ -120,10 +121,10 @@ def show(
 
 def create(name: MapName, cell: Cell = 4.0, dsn: Dsn = None) -> None:
     """Make an empty map, with its query track_in_room and its rule room_visits."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         create_map(connection, name, cell)
     typer.echo(f"Map {name} made.")
 
@@ -134,11 +135,11 @@ def delete(
     dsn: Dsn = None,
 ) -> None:
     """Delete a map with everything on it: instances, tracks, relations, events."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import delete_map  # noqa: PLC0415
 
     if not yes:
         typer.confirm(f"Delete map {name} with its tracks and events?", abort=True)
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         delete_map(connection, name)
     typer.echo(f"Map {name} deleted.")

@@ -32,10 +32,10 @@ def commands() -> typer.Typer:
 
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the continuous queries."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import list_queries  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_read").connect() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         rows = [asdict(found) for found in list_queries(connection, map_name=map_name, limit=1000)]
     print_rows(rows, as_json, "No queries. A map brings one with it: semap map import BUILDING.geojson")
 
@@ -52,10 +52,10 @@ def add(
 
     Tracks that are inside now are noted at once.
     """
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import add_query  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         made = add_query(connection, map_name, name, concept)
     typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
@@ -71,20 +71,20 @@ def disable(query_id: QueryId, dsn: Dsn = None) -> None:
 
 
 def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import enable_query  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         done = enable_query(connection, query_id, enabled)
     typer.echo(f"Query {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
 
 def delete(query_id: QueryId, dsn: Dsn = None) -> None:
     """Delete a query that no rule listens to; its relations end."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import delete_query  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         delete_query(connection, query_id)
     typer.echo(f"Query {query_id} deleted.")
 

@@ -34,20 +34,20 @@ def commands() -> typer.Typer:
 
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the rules."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import list_rules  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_read").connect() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         rows = [asdict(found) for found in list_rules(connection, map_name=map_name, limit=1000)]
     print_rows(rows, as_json, "No rules. A map brings one with it: semap map import BUILDING.geojson")
 
 
 def show(rule_id: RuleId, dsn: Dsn = None) -> None:
     """Show a rule as JSON."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import get_rule  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_read").connect() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         print_json(asdict(get_rule(connection, rule_id)))
 
 
@@ -67,11 +67,11 @@ def add(
         emit: {began: came, ended: went}
     """
     from semap.rules.declaration import parse_declaration  # noqa: PLC0415
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import add_rule  # noqa: PLC0415
 
     declaration = parse_declaration(_document(file))
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         made = add_rule(connection, map_name, declaration)
     typer.echo(f"Rule {made.rule_id} made: {made.name}, over the query {made.query}.")
 
@@ -100,19 +100,19 @@ def disable(rule_id: RuleId, dsn: Dsn = None) -> None:
 
 
 def _enable(rule_id: int, enabled: bool, dsn: str | None) -> None:
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import enable_rule  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         done = enable_rule(connection, rule_id, enabled)
     typer.echo(f"Rule {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
 
 def delete(rule_id: RuleId, dsn: Dsn = None) -> None:
     """Delete a rule; the events that it made stay."""
-    from semap.store.database import open_engine  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import delete_rule  # noqa: PLC0415
 
-    with database(dsn) as opened, open_engine(opened, "semap_api").begin() as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         delete_rule(connection, rule_id)
     typer.echo(f"Rule {rule_id} deleted.")
