@@ -78,11 +78,11 @@ def test_polling_goes_on_at_its_cursor(service: Service) -> None:
 def test_a_waiting_poll_is_answered_by_the_first_event(service: Service) -> None:
     service.make_map()
     service.make_map("other")
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor() as pool, connect(service.feed_url) as feed:
+        assert message(feed)["type"] == "hello"
         waiting = pool.submit(service.get, "/events", wait=10, map="office")
-        time.sleep(0.3)
         service.happen(1, map_name="other")
-        time.sleep(0.2)
+        assert message(feed)["cursor"] == 1
         assert not waiting.done()
         service.happen(2)
         happened_s = time.monotonic()
@@ -177,7 +177,7 @@ def test_a_reader_behind_the_ring_reads_on_from_the_database(service: Service) -
     with connect(f"{service.feed_url}?after=0") as slow:
         assert message(slow)["type"] == "hello"
         service.happen(1, 25_000)
-        time.sleep(1)
+        assert numbers(service.get("/events", after=24_999, wait=10)) == [25_000]
         assert [message(slow)["cursor"] for _ in range(25_000)] == list(range(1, 25_001))
 
 
