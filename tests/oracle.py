@@ -14,14 +14,17 @@ Change = tuple[str, str, str, str, int]
 class Oracle:
     rooms: dict[str, Room] = field(default_factory=dict)
     present: dict[str, tuple[int, float, float, float | None]] = field(default_factory=dict)
+    heard: dict[str, int] = field(default_factory=dict)
+    """The stamp up to which a track is known, by its states or by its end; what is not later is late."""
     ended: set[str] = field(default_factory=set)
     inside: dict[str, dict[str, int]] = field(default_factory=dict)
     changes: list[Change] = field(default_factory=list)
 
     def batch(self, states: list[tuple[str, int, float, float, float | None, bool]]) -> None:
         for track, stamp, x, y, z, is_last in sorted(states, key=lambda state: state[1]):
-            if track in self.present and stamp <= self.present[track][0]:
+            if stamp <= self.heard.get(track, -1):
                 continue
+            self.heard[track] = stamp
             appears = track not in self.present or track in self.ended
             self.ended.discard(track)
             self.present[track] = (stamp, x, y, z)
@@ -38,11 +41,10 @@ class Oracle:
                 self._compare(track, stamp, "map")
 
     def end(self, track: str, stamp: int) -> None:
+        self.heard[track] = stamp = max(stamp, self.heard.get(track, -1))
         if track not in self.present or track in self.ended:
             return
-        last = self.present[track]
-        stamp = max(stamp, last[0])
-        self.present[track] = (stamp, *last[1:])
+        self.present[track] = (stamp, *self.present[track][1:])
         self.ended.add(track)
         for room in self.inside.pop(track, {}):
             self.changes.append((track, room, "ended", "disappeared", stamp))

@@ -29,7 +29,11 @@ SHAPES = [
 BANDS = [None, (0.0, 3.0), (3.0, 6.0)]
 CHANGE = "uid, track_name, instance_name, kind, cause, stamp, since"
 
-coordinate = st.one_of(st.integers(-6, 20).map(lambda half: half / 2), st.floats(-4, 10, width=32))
+# Multiples of a millimetre or so that are exact in binary: PostGIS decides in plain doubles on which side
+# of a slanted edge a point lies, shapely exactly, and they differ within some 1e-16 m of the edge.
+coordinate = st.one_of(
+    st.integers(-6, 20).map(lambda n: n / 2), st.integers(-4096, 10240).map(lambda n: n / 1024)
+)
 height = st.sampled_from([None, 0.0, 1.5, 3.0, 4.0, 6.0])
 room = st.tuples(st.sampled_from(SHAPES), st.sampled_from(BANDS))
 state = st.tuples(st.sampled_from("abc"), coordinate, coordinate, height, st.integers(0, 5).map((0).__eq__))
