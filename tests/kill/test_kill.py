@@ -104,7 +104,7 @@ def begin(cluster: Cluster, name: str, pace: str | None) -> Run:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "pace"), [(21, "3"), pytest.param(150, "0.25", marks=pytest.mark.slow)], ids=["21", "150"]
+    ("wanted", "pace"), [(21, "3"), pytest.param(150, "0.4", marks=pytest.mark.slow)], ids=["21", "150"]
 )
 def test_kills_at_random_moments_change_nothing(wanted: int, pace: str) -> None:
     dice = random.Random(20_260_131)
