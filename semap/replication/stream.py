@@ -14,6 +14,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import psycopg
 from psycopg import pq
 from psycopg.conninfo import make_conninfo
 from psycopg.pq.abc import PGconn
@@ -51,7 +52,10 @@ class ReplicationStream:
         transactions: list[Transaction] = []
         deadline_s = time.monotonic() + timeout_s
         while len(transactions) < limit:
-            size, data = self.connection.get_copy_data(1)
+            try:
+                size, data = self.connection.get_copy_data(1)
+            except psycopg.Error as error:
+                raise ServerUnavailable(f"The replication connection was lost: {error}") from error
             if size > 0:
                 transaction = self._take(bytes(data or b""))
                 if transaction is not None:
@@ -158,7 +162,11 @@ def start(connection: PGconn, slot: str, publications: Sequence[str], start_lsn:
         f'START_REPLICATION SLOT "{slot}" LOGICAL {format_lsn(start_lsn)} '
         f"(proto_version '1', publication_names '{names}')"
     )
-    result = connection.exec_(command.encode())
+    try:
+        result = connection.exec_(command.encode())
+    except psycopg.Error as error:
+        connection.finish()
+        raise ServerUnavailable(f"The replication connection was lost: {error}") from error
     if result.status != pq.ExecStatus.COPY_BOTH:
         state = result.error_field(pq.DiagnosticField.SQLSTATE)
         message = _message(connection)

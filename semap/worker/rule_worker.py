@@ -70,7 +70,7 @@ def work(dsn: str, stop: Signal) -> None:
                 wait_s, waiting_for = FIRST_RETRY_S, ""
         except SlotLost:
             raise
-        except ServerUnavailable as error:
+        except (ServerUnavailable, psycopg.OperationalError) as error:
             if str(error) != waiting_for:
                 waiting_for = str(error)
                 log.log(
