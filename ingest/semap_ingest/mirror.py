@@ -21,7 +21,7 @@ from psycopg import pq
 
 from semap.errors import ServerUnavailable
 from semap.replication.pgoutput import Change, Row, parse_lsn
-from semap.replication.stream import ReplicationStream, connect_replication, start
+from semap.replication.stream import ReplicationStream, connect_replication, losing_connection, start
 from semap.store.database import connect, translated
 
 log = logging.getLogger(__name__)
@@ -142,9 +142,10 @@ def open_mirror(dsn: str) -> tuple[MapMirror, ReplicationStream]:
     """A mirror of the present map, and the stream of everything after it."""
     replication = connect_replication(dsn)
     slot = f"semap_mirror_{uuid4().hex}"
-    result = replication.exec_(
-        f"CREATE_REPLICATION_SLOT \"{slot}\" TEMPORARY LOGICAL pgoutput (SNAPSHOT 'export')".encode()
-    )
+    with losing_connection():
+        result = replication.exec_(
+            f"CREATE_REPLICATION_SLOT \"{slot}\" TEMPORARY LOGICAL pgoutput (SNAPSHOT 'export')".encode()
+        )
     if result.status != pq.ExecStatus.TUPLES_OK:
         message = replication.get_error_message().strip()
         replication.finish()

@@ -11,10 +11,10 @@ from __future__ import annotations
 import select
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-import psycopg
 from psycopg import pq
 from psycopg.conninfo import make_conninfo
 from psycopg.pq.abc import PGconn
@@ -31,6 +31,15 @@ PREREQUISITE = b"55000"
 
 class SlotInUse(ServerUnavailable):
     """Another process reads this slot."""
+
+
+@contextmanager
+def losing_connection() -> Iterator[None]:
+    """Whatever goes wrong while speaking to the server is a lost server."""
+    try:
+        yield
+    except Exception as error:
+        raise ServerUnavailable(f"The replication connection was lost: {error}") from error
 
 
 @dataclass
@@ -52,10 +61,8 @@ class ReplicationStream:
         transactions: list[Transaction] = []
         deadline_s = time.monotonic() + timeout_s
         while len(transactions) < limit:
-            try:
+            with losing_connection():
                 size, data = self.connection.get_copy_data(1)
-            except psycopg.Error as error:
-                raise ServerUnavailable(f"The replication connection was lost: {error}") from error
             if size > 0:
                 transaction = self._take(bytes(data or b""))
                 if transaction is not None:
@@ -106,10 +113,8 @@ class ReplicationStream:
         left_s = min(deadline_s, self.status_due_s) - time.monotonic()
         readable, _, _ = select.select([self.connection.socket], [], [], max(left_s, 0.0))
         if readable:
-            try:
+            with losing_connection():
                 self.connection.consume_input()
-            except Exception as error:
-                raise ServerUnavailable(f"The replication connection was lost: {error}") from error
             return True
         return time.monotonic() < deadline_s
 
@@ -121,11 +126,9 @@ class ReplicationStream:
         self.status_due_s = time.monotonic() + STATUS_INTERVAL_S
         now_us = int((time.time() - POSTGRES_EPOCH_S) * 1e6)
         lsn = self.acknowledged_lsn
-        try:
+        with losing_connection():
             self.connection.put_copy_data(struct.pack("!cQQQQB", b"r", lsn, lsn, lsn, now_us, 0))
             self.connection.flush()
-        except Exception as error:
-            raise ServerUnavailable(f"The replication connection was lost: {error}") from error
 
 
 def open_stream(dsn: str, slot: str, publications: Sequence[str], start_lsn: int) -> ReplicationStream:
@@ -162,11 +165,8 @@ def start(connection: PGconn, slot: str, publications: Sequence[str], start_lsn:
         f'START_REPLICATION SLOT "{slot}" LOGICAL {format_lsn(start_lsn)} '
         f"(proto_version '1', publication_names '{names}')"
     )
-    try:
+    with losing_connection():
         result = connection.exec_(command.encode())
-    except psycopg.Error as error:
-        connection.finish()
-        raise ServerUnavailable(f"The replication connection was lost: {error}") from error
     if result.status != pq.ExecStatus.COPY_BOTH:
         state = result.error_field(pq.DiagnosticField.SQLSTATE)
         message = _message(connection)
