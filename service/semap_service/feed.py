@@ -112,14 +112,13 @@ class Feed:
 
     async def wait(self, cursor: int, timeout_s: float) -> bool:
         """Whether there are events after a cursor, now or before the time is over."""
-        news = self._news
-        if self.head > cursor:
-            return True
         try:
-            await asyncio.wait_for(news.wait(), timeout_s)
+            async with asyncio.timeout(timeout_s):
+                while self.head <= cursor:
+                    await self._news.wait()
         except TimeoutError:
             return False
-        return self.head > cursor
+        return True
 
     async def _follow(self) -> None:
         listener = await asyncio.to_thread(connect, self._dsn, "semap_api", application="semap feed")

@@ -60,6 +60,8 @@ class Run:
         if name == "postgres":
             postmaster = int((self.cluster.data / "postmaster.pid").read_text().split()[0])
             os.kill(postmaster, signal.SIGKILL)
+            while self.cluster.is_running():
+                time.sleep(0.001)
             self.cluster.start(SETTINGS)
             return
         self.processes[name].kill()

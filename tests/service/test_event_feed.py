@@ -1,14 +1,18 @@
 """Events by polling and over the WebSocket: in order, without loss, at each reader's own pace."""
 
+import asyncio
 import json
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
+from types import SimpleNamespace
 
 import pytest
 import shapely
 from running import START, Service
+from semap_service.feed import Feed
+from sqlalchemy import create_engine
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -91,6 +95,23 @@ def test_a_waiting_poll_is_answered_by_the_first_event(service: Service) -> None
     began_s = time.monotonic()
     assert service.get("/events", after=2, wait=0.2) == {"events": [], "next": 2}
     assert time.monotonic() - began_s >= 0.2
+
+
+def test_a_wait_outlasts_the_events_that_its_reader_knows() -> None:
+    """A reader of the database may be ahead of the ring, which then catches up with what is no news to it."""
+
+    async def play() -> None:
+        feed = Feed(create_engine("postgresql+psycopg://"), "")
+        waiting = asyncio.create_task(feed.wait(1, 10))
+        await asyncio.sleep(0)
+        feed._append([SimpleNamespace(seq=1)])
+        for _ in range(10):
+            await asyncio.sleep(0)
+        assert not waiting.done()
+        feed._append([SimpleNamespace(seq=2)])
+        assert await waiting
+
+    asyncio.run(play())
 
 
 def test_the_feed_begins_at_the_head_and_resumes_at_a_cursor(service: Service) -> None:
