@@ -1,34 +1,64 @@
-"""Triangle meshes in glb, obj, ply and stl, from bytes that nobody vouches for.
+"""Triangle meshes in glb, gltf, obj, ply, stl, off, dae and 3mf, from bytes that nobody vouches for.
 
-glTF is y-up by its specification (glTF 2.0, 3.4) and is turned to z-up: (x, y, z) becomes (x, -z, y). The
-other formats say nothing about axes or units and are taken as z-up metres. Nothing but the given bytes is
-read: materials, textures and buffers in other files are never opened.
+`unit` and `up` say how to read coordinates that the file does not explain. Without them: glTF is metres
+and y-up by its specification (2.0, 3.4), dae and 3mf state their unit, dae its axis; all others are taken
+as metres, z-up. What comes out is metres, z-up, repaired, with a finding for each thing that was done or
+could not be.
+
+Nothing but the given bytes is read: materials, textures and buffers in other files are never opened.
+Whatever the bytes are, the answer is a mesh or an error of semap, within the limits on bytes, on triangles,
+and on what an archive may expand to.
 """
 
 from __future__ import annotations
 
 import io
-import json
-import struct
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from semap.errors import InvalidInput, TooLarge
+from semap.errors import InvalidInput, SemapError, TooLarge
+from semap.formats.collada import read_dae
+from semap.formats.mesh_part import SMALLER, FaceCount, MeshParts, placed
+from semap.formats.mesh_preflight import is_binary_stl, preflight, refuse_archives
+from semap.formats.three_mf import read_3mf
 from semap.geometry.pose import transform_points
+from semap.geometry.repair import repaired
 from semap.geometry.tin import merge_points
-from semap.model.building import Mesh
+from semap.model.building import Finding, Mesh
 
-FILE_TYPES = ("glb", "obj", "ply", "stl")
+FILE_TYPES = ("glb", "gltf", "obj", "ply", "stl", "off", "dae", "3mf")
 MAX_BYTES = 256 * 1024**2
 MAX_FACES = 4_000_000
+EXPANSION = 20
+"""An archive may expand to so many times its bytes, and always to EXPANDED_BYTES."""
 
-Z_UP_T_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-GLB_HEADER = struct.Struct("<4sII I4s")
-SMALLER = "Simplify the mesh, or upload it in parts."
+EXPANDED_BYTES = 64 * 1024**2
+
+UNITS_M: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
+UNITS = ("file", *UNITS_M)
+
+Z_UP_T_UP: Mapping[str, NDArray[np.float64]] = {
+    "x": np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+    "y": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
+    "z": np.eye(4),
+}
+"""Turns the axes as COLLADA 1.5 defines them: X_UP has -y to the right, Y_UP and Z_UP have x."""
+
+OBJ_TEXTURES = re.compile(rb"/[^\s]*")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFile:
+    """A mesh as read from a file [m, z up], and what was repaired or is left wrong."""
+
+    mesh: Mesh
+    findings: tuple[Finding, ...]
 
 
 class _NoOtherFiles(trimesh.resolvers.Resolver):
@@ -51,40 +81,72 @@ class _NoOtherFiles(trimesh.resolvers.Resolver):
 
 
 def read_mesh(data: bytes, file_type: str, max_bytes: int = MAX_BYTES, max_faces: int = MAX_FACES) -> Mesh:
-    """The one mesh of all parts of a file, each where its scene places it; equal vertices are merged.
+    """The mesh of a file alone; see `read_mesh_file`."""
+    return read_mesh_file(data, file_type, max_bytes=max_bytes, max_faces=max_faces).mesh
 
-    file_type  'glb', 'obj', 'ply' or 'stl', with or without a leading dot
-    returns    metres, z up
-    raises     TooLarge above the limits; InvalidInput if the type is another, the bytes do not follow it,
-               no triangle is in it, or a vertex is not finite
+
+def read_mesh_file(
+    data: bytes,
+    file_type: str,
+    unit: str = "file",
+    up: str | None = None,
+    max_bytes: int = MAX_BYTES,
+    max_faces: int = MAX_FACES,
+) -> MeshFile:
+    """The one mesh of all parts of a file, each where its scene places it, equal vertices merged, repaired.
+
+    file_type  one of FILE_TYPES, with or without a leading dot
+    unit       of the file's numbers: one of UNITS; 'file': what the file or its format says, else metres
+    up         the file's axis that points up: 'x', 'y', 'z'; None: what the file or its format says, else z
+    raises     TooLarge above the limits; InvalidInput if an option is another, the bytes do not follow
+               their type, no triangle is in it, or a vertex is not finite
     """
     kind = file_type.lower().lstrip(".")
     if kind not in FILE_TYPES:
         raise InvalidInput(
             f"{file_type!r} is no mesh format that semap reads", f"Give one of {', '.join(FILE_TYPES)}."
         )
+    if unit not in UNITS:
+        raise InvalidInput(f"{unit!r} is no unit", f"Give one of {', '.join(UNITS)}.", "unit")
+    if up is not None and up not in Z_UP_T_UP:
+        raise InvalidInput(f"{up!r} is no axis", f"Give one of {', '.join(Z_UP_T_UP)}.", "up")
     if len(data) > max_bytes:
         raise TooLarge(f"The mesh has {len(data)} bytes; the limit is {max_bytes}.", SMALLER)
-    if kind == "glb":
-        _refuse_huge_accessors(data, max_faces)
-    scene = _load(_plain(data, kind), kind)
-    parts = list(_parts(scene, max_faces))
-    if not parts:
+    refuse_archives(data, kind)
+    parts = _read_parts(data, kind, max_faces)
+    if not parts.meshes:
         raise InvalidInput(
             f"the {kind} file has no triangles", "Export a surface, not only points, lines or empty nodes."
         )
-    mesh = _joined(parts)
-    return Mesh(transform_points(Z_UP_T_Y_UP, mesh.vertices_m), mesh.faces) if kind == "glb" else mesh
+    unit_m = (parts.unit_m or 1.0) if unit == "file" else UNITS_M[unit]
+    turned = unit_m * Z_UP_T_UP[up or parts.up or "z"][:3, :3]
+    mesh, findings = repaired(_joined(parts.meshes, turned))
+    return MeshFile(mesh, findings)
+
+
+def _read_parts(data: bytes, kind: str, max_faces: int) -> MeshParts:
+    if kind == "3mf":
+        return read_3mf(data, max(EXPANDED_BYTES, EXPANSION * len(data)), max_faces)
+    if kind == "dae":
+        return read_dae(data, max_faces)
+    preflight(data, kind, max_faces)
+    meshes = list(_parts(_load(_plain(data, kind), kind), max_faces))
+    return MeshParts(meshes, 1.0, "y") if kind in ("glb", "gltf") else MeshParts(meshes)
 
 
 def _plain(data: bytes, kind: str) -> bytes:
     """Text without bytes that trimesh would guess an encoding for; binary formats as they are.
 
-    Only names can hold such bytes, and names are not used.
+    Only names can hold such bytes, and names are not used. Of obj only corners and faces are kept: groups
+    and materials would split the mesh into as many parts.
     """
     if kind == "obj":
+        lines = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()
+        kept = [line for line in map(bytes.strip, lines) if line.startswith((b"v ", b"v\t", b"f ", b"f\t"))]
+        return OBJ_TEXTURES.sub(b"", b"\n".join(kept)).decode(errors="replace").encode() + b"\n"
+    if kind == "off":
         return data.decode(errors="replace").encode()
-    if kind == "stl" and not _is_binary_stl(data):
+    if kind == "stl" and not is_binary_stl(data):
         if not data.lstrip().startswith(b"solid"):
             raise InvalidInput(
                 "the stl file is cut off: its length does not fit its number of triangles",
@@ -92,11 +154,6 @@ def _plain(data: bytes, kind: str) -> bytes:
             )
         return data.decode(errors="replace").encode()
     return data
-
-
-def _is_binary_stl(data: bytes) -> bool:
-    """80 bytes of header, a count, and 50 bytes for each triangle."""
-    return len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _load(data: bytes, kind: str) -> Any:
@@ -120,50 +177,37 @@ def _load(data: bytes, kind: str) -> Any:
 
 def _parts(scene: Any, max_faces: int) -> Iterator[Mesh]:
     """The meshes of a scene in its world frame; counted before copying, as a node may repeat a mesh."""
-    count = 0
-    for node in scene.graph.nodes_geometry:
-        world_T_node, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
-            continue
-        count += len(geometry.faces)
-        if count > max_faces:
-            raise TooLarge(f"The mesh has more than {max_faces} triangles.", SMALLER)
-        vertices = np.asarray(geometry.vertices, dtype=np.float64)
-        faces = np.asarray(geometry.faces, dtype=np.int64)
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            raise InvalidInput("a triangle names a vertex that is not there", "Export the mesh again.")
-        # A mirroring placement turns surfaces inside out.
-        is_mirrored = np.linalg.det(world_T_node[:3, :3]) < 0
-        with np.errstate(all="ignore"):
-            placed = transform_points(world_T_node, vertices)
-        yield Mesh(placed, faces[:, ::-1] if is_mirrored else faces)
+    count = FaceCount(max_faces)
+    try:
+        for node in scene.graph.nodes_geometry:
+            world_T_node, name = scene.graph[node]
+            geometry = scene.geometry[name]
+            if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
+                continue
+            count.add(len(geometry.vertices), len(geometry.faces))
+            vertices = np.asarray(geometry.vertices, dtype=np.float64)
+            yield placed(world_T_node, vertices, np.asarray(geometry.faces, dtype=np.int64))
+    except SemapError:
+        raise
+    except Exception as error:
+        raise InvalidInput(
+            f"the scene of the file cannot be read: {type(error).__name__}: {error}", "Export the mesh again."
+        ) from error
 
 
-def _joined(parts: list[Mesh]) -> Mesh:
+def _joined(parts: list[Mesh] | tuple[Mesh, ...] | Any, z_up_T_file: NDArray[np.float64]) -> Mesh:
     starts = np.cumsum([0, *(len(part.vertices_m) for part in parts[:-1])])
     corners = np.concatenate([part.vertices_m for part in parts])
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)])
-    used = np.unique(faces)
-    if not np.isfinite(corners[used]).all():
+    is_used = np.zeros(len(corners), dtype=bool)
+    is_used[faces] = True
+    turned = np.eye(4)
+    turned[:3, :3] = z_up_T_file
+    with np.errstate(all="ignore"):
+        used_m = transform_points(turned, corners[is_used])
+    if not np.isfinite(used_m).all():
         raise InvalidInput("a vertex is not finite (NaN or infinite)", "Repair the mesh before exporting it.")
-    vertices_m, places = merge_points(corners[used])
+    vertices_m, places = merge_points(used_m)
     index_of: NDArray[np.int64] = np.zeros(len(corners), dtype=np.int64)
-    index_of[used] = places
+    index_of[is_used] = places
     return Mesh(vertices_m, index_of[faces])
-
-
-def _refuse_huge_accessors(data: bytes, max_faces: int) -> None:
-    """A few bytes of glTF can announce an array of any size; without a buffer it is made of zeros."""
-    try:
-        magic, _, _, length, _ = GLB_HEADER.unpack_from(data)
-        tree = json.loads(data[GLB_HEADER.size : GLB_HEADER.size + length])
-        counts = [int(accessor["count"]) for accessor in tree.get("accessors", [])]
-    except (struct.error, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        raise InvalidInput(
-            f"the bytes are no readable glb file: {error}", "Export the mesh again, as binary glTF 2.0."
-        ) from error
-    if magic != b"glTF":
-        raise InvalidInput("the bytes are no glb file", "Export the mesh again, as binary glTF 2.0.")
-    if sum(counts) > 8 * 3 * max_faces:
-        raise TooLarge(f"The mesh announces {sum(counts)} values.", SMALLER)

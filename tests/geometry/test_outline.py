@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from shapely import MultiPolygon, Point, Polygon
 
 from semap.errors import InvalidInput
-from semap.geometry.abstractions import derive
 from semap.geometry.outline import outline
 from semap.geometry.pose import transform_mesh
 from semap.geometry.prism import extrude
@@ -102,6 +101,21 @@ def test_a_mesh_needs_neither_walls_nor_floor_nor_one_winding() -> None:
     assert outline(torn).equals(L_SHAPE)
 
 
+def test_holes_that_touch_a_shared_line_from_both_sides() -> None:
+    """Turned, the line is two lines a float apart; the corridor between them joins the holes."""
+    cells = {(x, y) for x in range(5) for y in range(5)} - {(1, 1), (2, 3), (2, 2), (3, 1)}
+    for missing in ((1, 2), (2, 1), (1, 3), (3, 2), (3, 3)):
+        squares = [shapely.box(0.7 * x, 0.7 * y, 0.7 * (x + 1), 0.7 * (y + 1)) for x, y in cells - {missing}]
+        polygon = shapely.union_all(squares).simplify(0)
+        for yaw in np.linspace(0.01, 3, 40):
+            map_T_body = np.eye(4)
+            map_T_body[:3, :3] = Rotation.from_euler("z", yaw).as_matrix()
+            map_T_body[:2, 3] = 17, 62
+            expected = shapely.transform(polygon, lambda xy, m=map_T_body: xy @ m[:2, :2].T + m[:2, 3])
+            footprint = outline(transform_mesh(map_T_body, extrude(polygon, 0, 1)))
+            assert footprint.symmetric_difference(expected).area < 1e-8
+
+
 def test_walls_alone_have_no_outline() -> None:
     body = extrude(L_SHAPE, 0, 2)
     walls = without(body, ~is_wall(body))
@@ -114,29 +128,10 @@ def test_walls_alone_have_no_outline() -> None:
         outline(transform_mesh(turned, walls))
 
 
-def test_a_mesh_without_triangles_has_no_abstractions() -> None:
-    with pytest.raises(InvalidInput, match="without triangles"):
-        derive(Mesh(np.zeros((3, 3)), np.empty((0, 3), dtype=np.int64)))
-
-
-def test_every_abstraction_of_an_l_shaped_room() -> None:
-    body = extrude(L_SHAPE, 0.5, 3.0)
-    # A vertex that no triangle uses belongs to no surface.
-    mesh = Mesh(np.concatenate([body.vertices_m, [[99.0, 99.0, 99.0]]]), body.faces)
-    found = {each.type: each for each in derive(mesh)}
-    assert list(found) == ["Footprint", "FootprintHull", "Position3D"]
-    assert found["Footprint"].geometry.equals(L_SHAPE)
-    assert found["FootprintHull"].geometry.equals(L_SHAPE.convex_hull)
-    assert shapely.get_coordinates(found["Position3D"].geometry, include_z=True).tolist() == [
-        [2.0, 1.5, 1.75]
-    ]
-    assert {(each.z_min_m, each.z_max_m) for each in found.values()} == {(0.5, 3.0)}
-
-
 def test_a_million_triangles_take_seconds() -> None:
     sphere = mesh_of(trimesh.creation.icosphere(subdivisions=8))
     assert len(sphere.faces) > 1_000_000
     begin = time.perf_counter()
-    footprint = derive(sphere)[0].geometry
+    footprint = outline(sphere)
     assert time.perf_counter() - begin < 60
     assert footprint.area == pytest.approx(np.pi, rel=1e-4)
