@@ -4,6 +4,8 @@
 translated once, at the boundary: to an exit status by the command line, to RFC 9457 by the service.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 
@@ -27,6 +29,13 @@ class NotFound(CallerError):
         self.kind = kind
         self.name = name
 
+    @classmethod
+    def said(cls, message: str, remedy: str = "") -> NotFound:
+        """As the database says it."""
+        error = cls("thing", "of that name", remedy)
+        error.args = (message,)
+        return error
+
 
 class Conflict(CallerError):
     """What was asked for contradicts what is already there."""
@@ -38,6 +47,10 @@ class InvalidInput(CallerError):
     def __init__(self, message: str, remedy: str = "", where: str = "") -> None:
         super().__init__(f"{where}: {message}" if where else message, remedy)
         self.where = where
+
+
+class ChangedMeanwhile(CallerError):
+    """What was to be changed is no longer what the caller saw."""
 
 
 class TooLarge(CallerError):

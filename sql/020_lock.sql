@@ -54,12 +54,17 @@ end $$;
 comment on function semap.lock_regions is
   'Taken before the rows of a statement that may change regions or end tracks.';
 
-create or replace trigger lock_regions before insert or update or delete on semap.instance
-  for each statement execute function semap.lock_regions();
-create or replace trigger lock_regions before insert or update or delete on semap.abstraction
-  for each statement execute function semap.lock_regions();
-create or replace trigger lock_regions before insert or update or delete on semap.continuous_query
-  for each statement execute function semap.lock_regions();
+do $$
+declare
+  v_table  text;
+begin
+  foreach v_table in array array['concept_parent', 'frame', 'frame_pose', 'description', 'geometry', 'abstraction',
+                                 'instance', 'door_room', 'continuous_query'] loop
+    execute format('create or replace trigger lock_regions before insert or update or delete on semap.%I'
+                   ' for each statement execute function semap.lock_regions()', v_table);
+  end loop;
+end $$;
+
 create or replace trigger lock_regions before update or delete on semap.concept
   for each statement execute function semap.lock_regions();
 create or replace trigger lock_regions before delete on semap.map

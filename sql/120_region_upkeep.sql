@@ -217,7 +217,7 @@ comment on function semap.queries_changed is
 
 create or replace trigger continuous_query_changed after insert or update or delete on semap.continuous_query
   for each statement execute function semap.queries_changed();
-create or replace trigger concept_changed after update on semap.concept
+create or replace trigger concept_moved after insert or update or delete on semap.concept_parent
   for each statement execute function semap.queries_changed();
 
 -- With a map goes what happened on it: a map of the same name starts anew. Its events belong to the
@@ -228,6 +228,7 @@ begin
   delete from semap.relation where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
   delete from semap.region where map_id in (select map_id from old_map);
+  delete from semap.row_version where map_id in (select map_id from old_map);
   return null;
 end $$;
 comment on function semap.map_deleted is

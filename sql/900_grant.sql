@@ -38,6 +38,8 @@ grant execute on function semap.commit_progress to semap_worker;
 
 grant insert, delete, update (name) on semap.map to semap_api;
 grant insert, update, delete on
-  semap.concept, semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction,
+  semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri, semap.frame,
+  semap.frame_pose, semap.description, semap.geometry, semap.abstraction,
   semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_api;
+grant execute on function semap.undo_change_set to semap_api;

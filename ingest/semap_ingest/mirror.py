@@ -27,7 +27,13 @@ from semap.store.database import connect, translated
 log = logging.getLogger(__name__)
 
 PUBLICATIONS = ("semap_map",)
-KEYS = {"map": "map_id", "concept": "concept_id", "instance": "instance_id", "abstraction": "abstraction_id"}
+KEYS = {
+    "map": ("map_id",),
+    "concept": ("concept_id",),
+    "concept_parent": ("concept_id", "parent_id"),
+    "instance": ("instance_id",),
+    "abstraction": ("abstraction_id",),
+}
 RETRY_S = 0.2
 
 
@@ -43,7 +49,9 @@ class MapMirror:
         if change.operation == "truncate":
             rows.clear()
             return
-        key = str(change.row[KEYS[change.table]])
+        if change.table == "abstraction" and change.row.get("type") not in (None, "Footprint"):
+            return
+        key = "/".join(str(change.row[column]) for column in KEYS[change.table])
         if change.operation == "delete":
             rows.pop(key, None)
         else:
@@ -69,7 +77,8 @@ class MapMirror:
     def _concepts_below(self, concept: str) -> set[str]:
         below = {key for key, row in self.tables["concept"].items() if row["name"] == concept}
         while True:
-            more = below | {key for key, row in self.tables["concept"].items() if row["parent_id"] in below}
+            rows = self.tables["concept_parent"].values()
+            more = below | {str(row["concept_id"]) for row in rows if row["parent_id"] in below}
             if more == below:
                 return below
             below = more

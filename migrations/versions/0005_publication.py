@@ -6,7 +6,10 @@ revision = "0005"
 down_revision = "0004"
 
 STATEMENTS = (
-    "create publication semap_map for table semap.map, semap.concept, semap.instance, semap.abstraction",
+    """
+    create publication semap_map
+    for table semap.map, semap.concept, semap.concept_parent, semap.instance, semap.abstraction
+    """,
     "create publication semap_change for table semap.relation_change with (publish = 'insert')",
     "create publication semap_rule for table semap.rule, semap.source, semap.map",
 )

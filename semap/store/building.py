@@ -1,7 +1,7 @@
 """A building, as read from a file, becomes part of a map in the caller's transaction.
 
-The statements go from what nobody waits for to what keeps the writers of track states out: frames,
-descriptions and bodies first, then the instances, and all abstractions last, in one statement.
+All that takes long, the shapes, is derived before the first statement, since a write keeps the writers of
+track states out until the transaction ends.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from uuid import UUID
 
 import numpy as np
@@ -17,19 +17,13 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, or_, select, text
 
 from semap.errors import Conflict, InvalidInput
-from semap.geometry.abstractions import Abstraction
+from semap.geometry.abstractions import Abstraction, derive
 from semap.model.building import Building, Finding, Item, Storey
 from semap.model.pose import Pose
-from semap.store.concept import ensure_concepts
+from semap.model.source_geometry import SourceGeometry
+from semap.store.concept import check_attributes, ensure_concepts
 from semap.store.database import translated
-from semap.store.description import (
-    Described,
-    Outline,
-    describe,
-    insert_descriptions,
-    write_abstractions,
-    write_bodies,
-)
+from semap.store.description import insert_descriptions, sources_of, write_descriptions
 from semap.store.maps import map_id_of
 from semap.store.placement import ROOT_FRAME, Placed, insert_frames, map_from_frames, normalised, pose_in
 from semap.store.tables import concept, frame, instance, one_of
@@ -44,13 +38,12 @@ Progress = Callable[[int, int], None]
 
 INSERT_INSTANCES = text("""
     insert into semap.instance (uid, map_id, name, alias, concept_id, frame_id, relative_description_id,
-                                absolute_description_id, storey_id, attributes)
-    select uid, :map_id, name, alias, concept_id, frame_id, relative_id, absolute_id, storey_id,
-           cast(attributes as jsonb)
+                                storey_id, attributes)
+    select uid, :map_id, name, alias, concept_id, frame_id, relative_id, storey_id, cast(attributes as jsonb)
     from unnest(cast(:uid as uuid[]), cast(:name as text[]), cast(:alias as text[]),
                 cast(:concept_id as integer[]), cast(:frame_id as bigint[]), cast(:relative_id as bigint[]),
-                cast(:absolute_id as bigint[]), cast(:storey_id as bigint[]), cast(:attributes as text[]))
-      as v (uid, name, alias, concept_id, frame_id, relative_id, absolute_id, storey_id, attributes)
+                cast(:storey_id as bigint[]), cast(:attributes as text[]))
+      as v (uid, name, alias, concept_id, frame_id, relative_id, storey_id, attributes)
     returning name, instance_id
 """)
 INSERT_JOINS = text("""
@@ -73,6 +66,18 @@ class ImportReport:
     concepts: Mapping[str, int]
     doors: Mapping[int, int]
     findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """The source geometries of an item in its own frame, and what is derived from them."""
+
+    sources: tuple[SourceGeometry, ...] = ()
+    derived: tuple[Abstraction, ...] = ()
+
+    @property
+    def has_footprint(self) -> bool:
+        return any(each.type == "Footprint" for each in self.derived)
 
 
 @dataclass(frozen=True)
@@ -124,14 +129,17 @@ def insert_items(
     """
     if not items:
         return []
+    check_attributes(connection, ((item.name, item.concept, item.attributes) for item in items))
     storeys, notes = _storeys_of(connection, map_id, items)
     frame_ids = _insert_item_frames(connection, map_id, items, storeys)
-    relative_ids = insert_descriptions(connection, map_id, len(items))
-    absolute_ids = insert_descriptions(connection, map_id, len(items))
-    write_bodies(
+    shaped = [each for each in described if each.sources]
+    made_ids = insert_descriptions(connection, map_id, [None] * len(shaped))
+    write_descriptions(
         connection,
-        [(id_, item.body) for id_, item in zip(relative_ids, items, strict=True) if item.body is not None],
+        [(id_, each.sources, each.derived) for id_, each in zip(made_ids, shaped, strict=True)],
     )
+    left = iter(made_ids)
+    relative_ids = [next(left) if each.sources else None for each in described]
     columns = {
         "uid": [item.uid for item in items],
         "name": [item.name for item in items],
@@ -139,34 +147,40 @@ def insert_items(
         "concept_id": [concept_ids[item.concept] for item in items],
         "frame_id": [frame_ids[item.name] for item in items],
         "relative_id": relative_ids,
-        "absolute_id": absolute_ids,
         "storey_id": [storeys[item.storey].instance_id if item.storey in storeys else None for item in items],
         "attributes": [json.dumps(dict(item.attributes), default=str) for item in items],
     }
     with translated():
         made = connection.execute(INSERT_INSTANCES, {"map_id": map_id, **columns}).all()
     notes += _insert_joins(connection, map_id, items, dict(made))
-    rows: list[tuple[int, Abstraction]] = []
-    for relative_id, absolute_id, each in zip(relative_ids, absolute_ids, described, strict=True):
-        rows += [(relative_id, part) for part in each.relative]
-        rows += [(absolute_id, part) for part in each.absolute]
-    write_abstractions(connection, rows)
     return notes
 
 
+def describe(item: Item) -> Described:
+    """What an item looks like, in its own frame.
+
+    raises  InvalidInput for an outline that is not an area, or heights of nothing
+    """
+    sources = sources_of(normalised(item.pose).matrix(), item.body, item.footprint, item.band)
+    return Described(sources, derive(sources) if sources else ())
+
+
 def _describe_all(items: Sequence[Item], progress: Progress | None) -> tuple[list[Described], list[Finding]]:
-    described: list[Described] = []
+    done: list[Described] = []
     notes: list[Finding] = []
     for count, item in enumerate(items, 1):
-        map_T_item = normalised(item.pose).matrix()
         try:
-            described.append(describe(map_T_item, item.body, Outline(item.footprint, item.band)))
+            done.append(describe(item))
+            if done[-1].sources and not done[-1].has_footprint:
+                notes.append(
+                    Finding("note", item.name, "without a footprint: it has no area seen from above")
+                )
         except InvalidInput as error:
-            notes.append(Finding("note", item.name, f"without a footprint: {error}"))
-            described.append(Described((), ()))
+            notes.append(Finding("note", item.name, f"without its heights or outline: {error}"))
+            done.append(describe(replace(item, footprint=None, band=None)))
         if progress is not None and (count % PROGRESS_EVERY == 0 or count == len(items)):
             progress(count, len(items))
-    return described, notes
+    return done, notes
 
 
 def _require_new(connection: Connection, map_id: int, map_name: str, building: Building) -> None:

@@ -11,10 +11,10 @@ from contextlib import contextmanager
 
 import psycopg
 from psycopg import errors, sql
-from sqlalchemy import Connection, Engine, create_engine
+from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
-from semap.errors import Conflict, DatabaseError, InvalidInput, SemapError, ServerUnavailable
+from semap.errors import Conflict, DatabaseError, InvalidInput, NotFound, SemapError, ServerUnavailable
 
 CONNECT_TIMEOUT_S = 10
 
@@ -62,6 +62,12 @@ def one_transaction(dsn: str, role: str | None = None, *, application: str = "se
         engine.dispose()
 
 
+def see_one_state(connection: Connection) -> None:
+    """Let every statement of a transaction that only reads see the same state; to be its first statement."""
+    with translated():
+        connection.execute(text("set transaction isolation level repeatable read, read only"))
+
+
 @contextmanager
 def translated() -> Iterator[None]:
     """Raise semap's errors instead of the driver's."""
@@ -83,6 +89,8 @@ def _translation(error: psycopg.Error) -> SemapError:
             return Conflict(error.diag.message_detail or message, remedy or "Choose another name.")
         case errors.ForeignKeyViolation():
             return Conflict(error.diag.message_detail or message, remedy)
+        case errors.NoDataFound():
+            return NotFound.said(message, remedy)
         case errors.CheckViolation() | errors.NotNullViolation() | errors.ProgramLimitExceeded():
             return InvalidInput(message, remedy)
         case errors.DataError() | errors.CardinalityViolation():

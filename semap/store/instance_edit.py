@@ -7,48 +7,35 @@ one without the other. A frame carries the frames below it: moving a storey move
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Literal
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
-from sqlalchemy import Connection, delete, func, select, text, update
+from sqlalchemy import Connection, func, select, update
 
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.geometry.abstractions import Abstraction
-from semap.geometry.tin import mesh_from_wkb
 from semap.model.building import HeightBand, Item, Mesh
 from semap.model.pose import Pose
-from semap.store.building import insert_items
-from semap.store.concept import concept_id
+from semap.model.source_geometry import BODY, OUTLINE, SourceGeometry
+from semap.store.building import describe, insert_items
+from semap.store.concept import check_attributes, concept_id
 from semap.store.database import translated
 from semap.store.description import (
-    Outline,
-    carried,
-    describe,
+    band_within,
     insert_descriptions,
-    is_upright,
-    write_abstractions,
-    write_bodies,
+    outline_of,
+    own_outline,
+    read_geometries,
+    reshape,
 )
 from semap.store.maps import map_id_of
-from semap.store.placement import map_from_frames, normalised, place_frames, pose_in
-from semap.store.tables import abstraction, concept, description, frame, geometry, instance, one_of
+from semap.store.placement import map_from_frames, place_frames, pose_in
+from semap.store.tables import concept, frame, instance, one_of
 
-MOVED = text("""
-    with recursive below (frame_id) as (
-      select cast(:frame_id as bigint)
-      union all
-      select f.frame_id from semap.frame f join below b on f.parent_id = b.frame_id
-    )
-    select i.instance_id, i.name, i.frame_id, i.relative_description_id, i.absolute_description_id
-    from below join semap.instance i using (frame_id)
-    where i.absolute_description_id is not null
-    order by i.instance_id
-""")
+Carried = Literal["refuse", "delete", "keep"]
 
 
 class Keep(Enum):
@@ -89,7 +76,6 @@ class Held:
     name: str
     frame_id: int
     relative_id: int | None
-    absolute_id: int | None
 
 
 def create_instance(connection: Connection, map_name: str, item: Item) -> int:
@@ -100,7 +86,7 @@ def create_instance(connection: Connection, map_name: str, item: Item) -> int:
     """
     map_id = map_id_of(connection, map_name)
     concept_ids = {item.concept: concept_id(connection, item.concept)}
-    described = describe(normalised(item.pose).matrix(), item.body, Outline(item.footprint, item.band))
+    described = describe(item)
     _require_known(connection, map_id, item)
     insert_items(connection, map_id, [item], [described], concept_ids)
     with translated():
@@ -111,47 +97,40 @@ def create_instance(connection: Connection, map_name: str, item: Item) -> int:
 
 
 def edit_instance(connection: Connection, instance_id: int, changes: Changes) -> None:
-    """Change an instance, and whatever is derived from what changes.
+    """Change an instance; what follows from what changes is kept true by the database.
 
-    raises  NotFound, Conflict if the new name is taken, InvalidInput for a shape without area, an unknown
-            concept, or a pose that tilts an outline which has no body
+    An instance of a shared description that gets another shape has a description of its own from then on.
+    raises  NotFound, Conflict if the new name is taken, InvalidInput for an outline that is not an area, an
+            unknown concept or description, or heights of nothing
     """
-    held = _hold(connection, instance_id)
+    held = hold_instance(connection, instance_id)
     _edit_row(connection, held, changes)
     if changes.pose is not None:
         _place(connection, held, changes.pose)
-    is_reshaped = (
-        changes.body is not None or changes.footprint is not None or not isinstance(changes.band, Keep)
-    )
-    rows: list[tuple[int, Abstraction]] = []
-    if is_reshaped:
-        held = _with_descriptions(connection, held)
-        rows += _reshaped(connection, held, changes)
-    if changes.pose is not None:
-        rows += _carried(connection, held, without_own=is_reshaped)
-    write_abstractions(connection, rows)
+    if changes.body is not None or changes.footprint is not None or not isinstance(changes.band, Keep):
+        _reshape(connection, held, changes)
 
 
-def delete_instance(connection: Connection, instance_id: int) -> None:
-    """Delete an instance with its frame and descriptions.
+def delete_instance(connection: Connection, instance_id: int, carried: Carried = "refuse") -> None:
+    """Delete an instance, with its frame and what is its own.
 
-    raises  NotFound, Conflict if the frames of other things stand in its own: they would lose their place
+    carried  what becomes of the things whose frames stand in its own: 'delete' them too, 'keep' them where
+             they are, on what carried this instance, or 'refuse'
+    raises   NotFound, Conflict if it carries other things and `carried` is 'refuse'
     """
-    held = _hold(connection, instance_id)
+    held = hold_instance(connection, instance_id)
     with translated():
         standing = list(
             connection.scalars(
                 select(frame.c.name).where(frame.c.parent_id == held.frame_id).order_by(frame.c.name).limit(5)
             )
         )
-        if standing:
+        if standing and carried == "refuse":
             raise Conflict(
-                f"{held.name} carries other things: {', '.join(standing)}.", "Delete what stands on it first."
+                f"{held.name} carries other things: {', '.join(standing)}.",
+                "Delete what stands on it first, or say what is to become of it (carried=delete or keep).",
             )
-        connection.execute(delete(instance).where(instance.c.instance_id == instance_id))
-        own = [id_ for id_ in (held.relative_id, held.absolute_id) if id_ is not None]
-        connection.execute(delete(description).where(one_of(description.c.description_id, own)))
-        connection.execute(delete(frame).where(frame.c.frame_id == held.frame_id))
+        connection.execute(select(func.semap.delete_instance(instance_id, carried == "delete")))
 
 
 def _require_known(connection: Connection, map_id: int, item: Item) -> None:
@@ -169,7 +148,7 @@ def _require_known(connection: Connection, map_id: int, item: Item) -> None:
             raise InvalidInput(f"there is nothing named {name} on this map", "Create it first.", "joins")
 
 
-def _hold(connection: Connection, instance_id: int) -> Held:
+def hold_instance(connection: Connection, instance_id: int) -> Held:
     """Regions first, rows second: the order in which an import locks them too."""
     with translated():
         connection.execute(select(func.semap.change_regions()))
@@ -180,7 +159,6 @@ def _hold(connection: Connection, instance_id: int) -> Held:
                 instance.c.name,
                 instance.c.frame_id,
                 instance.c.relative_description_id,
-                instance.c.absolute_description_id,
             ).where(instance.c.instance_id == instance_id)
         ).one_or_none()
     if row is None:
@@ -199,11 +177,15 @@ def _edit_row(connection: Connection, held: Held, changes: Changes) -> None:
     if changes.attributes is not None:
         values["attributes"] = json.loads(json.dumps(dict(changes.attributes), default=str))
     with translated():
-        connection.execute(
+        kept = connection.execute(
             update(instance)
             .where(instance.c.instance_id == held.instance_id)
             .values(updated_at=func.clock_timestamp(), **values)
-        )
+            .returning(instance.c.name, instance.c.concept_id, instance.c.attributes)
+        ).one()
+        if changes.concept is not None or changes.attributes is not None:
+            kind = connection.scalar(select(concept.c.name).where(concept.c.concept_id == kept.concept_id))
+            check_attributes(connection, [(kept.name, str(kind), kept.attributes)])
         if changes.name is not None:
             connection.execute(
                 update(frame)
@@ -219,111 +201,42 @@ def _place(connection: Connection, held: Held, pose: Pose) -> None:
     place_frames(connection, {held.frame_id: pose_in(map_T_parent, pose)})
 
 
-def _with_descriptions(connection: Connection, held: Held) -> Held:
-    """The instance with both descriptions, made where it had none."""
-    if held.relative_id is not None and held.absolute_id is not None:
-        return held
-    relative_id, absolute_id = insert_descriptions(connection, held.map_id, 2)
+def _reshape(connection: Connection, held: Held, changes: Changes) -> None:
+    map_T_item = map_from_frames(connection, [held.frame_id])[held.frame_id]
+    sources: tuple[SourceGeometry, ...] = ()
+    if held.relative_id is not None:
+        sources = read_geometries(connection, [held.relative_id]).get(held.relative_id, ())
+    if changes.body is not None:
+        sources = (SourceGeometry(BODY, "TRIANGLEMESH3D", changes.body),)
+    present = next((each for each in sources if each.name == OUTLINE), None)
+    outline: SourceGeometry | None
+    if changes.footprint is not None:
+        outline = outline_of(map_T_item, changes.footprint, None)
+        outline = replace(outline, band=None if present is None else present.band)
+    elif isinstance(changes.band, Keep) or changes.band is None:
+        outline = present
+    else:
+        outline = own_outline(sources)
+    if outline is not None and not isinstance(changes.band, Keep):
+        outline = replace(outline, band=band_within(outline, map_T_item, changes.band))
+    sources = tuple(each for each in sources if each.name != OUTLINE)
+    reshape(
+        connection, _own_description(connection, held), sources if outline is None else (*sources, outline)
+    )
+
+
+def _own_description(connection: Connection, held: Held) -> int:
+    """The description that is the instance's alone: the one that it has, or a new one."""
     with translated():
+        shared = connection.scalar(
+            select(func.semap.description_is_shared(held.relative_id, held.instance_id))
+        )
+        if held.relative_id is not None and not shared:
+            return held.relative_id
+        (own_id,) = insert_descriptions(connection, held.map_id, [None])
         connection.execute(
             update(instance)
             .where(instance.c.instance_id == held.instance_id)
-            .values(relative_description_id=relative_id, absolute_description_id=absolute_id)
+            .values(relative_description_id=own_id)
         )
-    return Held(held.instance_id, held.map_id, held.name, held.frame_id, relative_id, absolute_id)
-
-
-def _reshaped(connection: Connection, held: Held, changes: Changes) -> list[tuple[int, Abstraction]]:
-    """The abstractions of both descriptions after a change of the body, the outline or its heights."""
-    assert held.relative_id is not None  # noqa: S101  (see _with_descriptions)
-    assert held.absolute_id is not None  # noqa: S101
-    map_T_item = map_from_frames(connection, [held.frame_id])[held.frame_id]
-    area, band = changes.footprint, changes.band
-    if changes.body is None:
-        present = _present(connection, held, changes, map_T_item)
-        if area is None and present is None:
-            raise InvalidInput("there is no footprint to give heights to", "Give a footprint too.", "band")
-        if present is not None:
-            area = area if area is not None else present.geometry
-            band = _band(present) if isinstance(band, Keep) else band
-    else:
-        write_bodies(connection, [(held.relative_id, changes.body)])
-    body = changes.body or _bodies(connection, [held.relative_id]).get(held.relative_id)
-    described = describe(map_T_item, body, Outline(area, None if isinstance(band, Keep) else band))
-    return [(held.relative_id, each) for each in described.relative] + [
-        (held.absolute_id, each) for each in described.absolute
-    ]
-
-
-def _present(
-    connection: Connection, held: Held, changes: Changes, map_T_item: NDArray[np.float64]
-) -> Abstraction | None:
-    """The footprint in the map frame as it would be without a change of shape."""
-    assert held.absolute_id is not None  # noqa: S101
-    if changes.pose is not None and changes.footprint is None:
-        absolute = [each for _, each in _carried(connection, held, only_own=True)]
-    else:
-        absolute = _abstractions(connection, [held.absolute_id]).get(held.absolute_id, [])
-    return next((each for each in absolute if each.type == "Footprint"), None)
-
-
-def _carried(
-    connection: Connection, held: Held, *, only_own: bool = False, without_own: bool = False
-) -> list[tuple[int, Abstraction]]:
-    """The absolute abstractions of the instance and of all that stands on it, where they are now."""
-    with translated():
-        rows = connection.execute(MOVED, {"frame_id": held.frame_id}).all()
-    rows = [row for row in rows if not (without_own if row.instance_id == held.instance_id else only_own)]
-    matrices = map_from_frames(connection, [row.frame_id for row in rows])
-    relative = _abstractions(connection, [row.relative_description_id for row in rows])
-    absolute = _abstractions(connection, [row.absolute_description_id for row in rows])
-    tilted = [row.relative_description_id for row in rows if not is_upright(matrices[row.frame_id])]
-    bodies = _bodies(connection, tilted)
-    moved: list[tuple[int, Abstraction]] = []
-    for row in rows:
-        own = relative.get(row.relative_description_id, [])
-        if row.absolute_description_id in absolute and not own:
-            raise InvalidInput(
-                f"{row.name} has an outline that was given while it was tilted",
-                "Give its footprint together with its pose.",
-                "pose",
-            )
-        body = bodies.get(row.relative_description_id)
-        moved += [(row.absolute_description_id, each) for each in carried(matrices[row.frame_id], own, body)]
-    return moved
-
-
-def _abstractions(connection: Connection, description_ids: Sequence[int]) -> dict[int, list[Abstraction]]:
-    found: dict[int, list[Abstraction]] = {}
-    with translated():
-        rows = connection.execute(
-            select(
-                abstraction.c.description_id,
-                abstraction.c.type,
-                func.public.st_asewkb(abstraction.c.geometry, type_=None),
-                abstraction.c.z_min_m,
-                abstraction.c.z_max_m,
-            ).where(one_of(abstraction.c.description_id, description_ids))
-        )
-        for description_id, type_, wkb, z_min_m, z_max_m in rows:
-            shape = shapely.from_wkb(bytes(wkb))
-            found.setdefault(description_id, []).append(Abstraction(type_, shape, z_min_m, z_max_m))
-    return found
-
-
-def _bodies(connection: Connection, description_ids: Sequence[int]) -> dict[int, Mesh]:
-    if not description_ids:
-        return {}
-    with translated():
-        rows = connection.execute(
-            select(geometry.c.description_id, func.public.st_asewkb(geometry.c.body, type_=None)).where(
-                one_of(geometry.c.description_id, description_ids)
-            )
-        )
-        return {description_id: mesh_from_wkb(bytes(wkb)) for description_id, wkb in rows}
-
-
-def _band(present: Abstraction) -> HeightBand | None:
-    if present.z_min_m is None or present.z_max_m is None:
-        return None
-    return HeightBand(present.z_min_m, present.z_max_m)
+    return own_id

@@ -20,9 +20,11 @@ from semap.model.building import HeightBand
 from semap.model.pose import Pose
 from semap.store.database import translated
 from semap.store.placement import map_from_frames
-from semap.store.tables import abstraction, concept, door_room, geometry, instance, map_
+from semap.store.tables import abstraction, concept, description, door_room, frame, geometry, instance, map_
 
 ABOVE = instance.alias("storey")
+PARENT = frame.alias("parent")
+BODIES = ("TRIANGLEMESH3D", "POLYGONMESH3D")
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,9 @@ class InstanceDetail:
     footprint  in the map frame [m]; None where there is none
     band       heights of the footprint; None: every height
     joins      for a door the rooms on both sides, for a room its doors: names by id
+
+    frame, parent  its own frame, and the one that carries it; a root has none
+    description    the name of its blueprint; None: its description is its own, or it has none
     """
 
     instance: Instance
@@ -57,6 +62,11 @@ class InstanceDetail:
     attributes: Mapping[str, object]
     created_at: datetime
     updated_at: datetime
+    frame_id: int
+    frame: str
+    parent: str | None
+    description_id: int | None
+    description: str | None
 
 
 def list_instances(
@@ -96,7 +106,7 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
         row = connection.execute(_DETAILS.where(instance.c.instance_id == instance_id)).one_or_none()
     if row is None:
         raise NotFound("instance", instance_id, "List the instances to see their ids.")
-    frame_id, wkb, z_min_m, z_max_m, has_body, attributes, created_at, updated_at = row[7:]
+    wkb, z_min_m, z_max_m, has_body, attributes, created_at, updated_at, frame_id, *links = row[7:]
     return InstanceDetail(
         instance=Instance(*row[:7]),
         pose=pose_from_matrix(map_from_frames(connection, [frame_id])[frame_id]),
@@ -107,6 +117,11 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
         attributes=attributes,
         created_at=created_at,
         updated_at=updated_at,
+        frame_id=frame_id,
+        frame=links[0],
+        parent=links[1],
+        description_id=links[2],
+        description=links[3],
     )
 
 
@@ -148,20 +163,30 @@ def _from_instances(*columns: Any) -> Select[Any]:
 
 
 _INSTANCES = _from_instances(*_COLUMNS)
-_DETAILS = _from_instances(
-    *_COLUMNS,
-    instance.c.frame_id,
-    func.public.st_asbinary(abstraction.c.geometry, type_=None),
-    abstraction.c.z_min_m,
-    abstraction.c.z_max_m,
-    select(geometry.c.geometry_id)
-    .where(geometry.c.description_id == instance.c.relative_description_id)
-    .exists(),
-    instance.c.attributes,
-    instance.c.created_at,
-    instance.c.updated_at,
-).outerjoin(
-    abstraction,
-    (abstraction.c.description_id == instance.c.absolute_description_id)
-    & (abstraction.c.type == "Footprint"),
+_DETAILS = (
+    _from_instances(
+        *_COLUMNS,
+        func.public.st_asbinary(abstraction.c.geometry, type_=None),
+        abstraction.c.z_min_m,
+        abstraction.c.z_max_m,
+        select(geometry.c.geometry_id)
+        .where(geometry.c.description_id == instance.c.relative_description_id, geometry.c.type.in_(BODIES))
+        .exists(),
+        instance.c.attributes,
+        instance.c.created_at,
+        instance.c.updated_at,
+        instance.c.frame_id,
+        frame.c.name,
+        PARENT.c.name,
+        instance.c.relative_description_id,
+        description.c.name,
+    )
+    .join(frame, frame.c.frame_id == instance.c.frame_id)
+    .outerjoin(PARENT, PARENT.c.frame_id == frame.c.parent_id)
+    .outerjoin(description, description.c.description_id == instance.c.relative_description_id)
+    .outerjoin(
+        abstraction,
+        (abstraction.c.description_id == instance.c.absolute_description_id)
+        & (abstraction.c.type == "Footprint"),
+    )
 )

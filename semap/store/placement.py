@@ -20,6 +20,8 @@ from semap.store.database import translated
 from semap.store.tables import frame, map_
 
 ROOT_FRAME = "map"
+TINY = 1e-30
+PARTS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 INSERT_FRAMES = text("""
     insert into semap.frame (map_id, name, parent_id)
@@ -67,6 +69,7 @@ def normalised(pose: Pose) -> Pose:
     raises  InvalidInput if the quaternion has no length or a part is not finite
     """
     parts = np.array([pose.x_m, pose.y_m, pose.z_m, pose.qx, pose.qy, pose.qz, pose.qw])
+    parts[np.abs(parts) < TINY] = 0  # PostgreSQL refuses products that underflow
     length = float(np.linalg.norm(parts[3:]))
     if not np.isfinite(parts).all() or length < 1e-9:
         raise InvalidInput(
@@ -103,10 +106,7 @@ def place_frames(connection: Connection, poses: dict[int, Pose]) -> None:
     raises  InvalidInput for a pose without a rotation
     """
     placed = [normalised(pose) for pose in poses.values()]
-    columns = {
-        name: [getattr(pose, name) for pose in placed]
-        for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-    }
+    columns = {name: [getattr(pose, name) for pose in placed] for name in PARTS}
     with translated():
         connection.execute(INSERT_POSES, {"frame_ids": list(poses), **columns})
 

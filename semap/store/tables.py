@@ -21,6 +21,7 @@ from sqlalchemy import (
     ForeignKey,
     Identity,
     Integer,
+    LargeBinary,
     MetaData,
     Table,
     Text,
@@ -35,6 +36,7 @@ from sqlalchemy.types import UserDefinedType
 METADATA = MetaData(schema="semap")
 
 STAMP = TIMESTAMP(timezone=True)
+POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 CHANGE_KIND = ENUM("began", "ended", name="change_kind", schema="semap", create_type=False)
 CHANGE_CAUSE = ENUM(
     "moved", "appeared", "disappeared", "map", name="change_cause", schema="semap", create_type=False
@@ -72,12 +74,8 @@ def _ref(
     return Column(name, key, nullable=nullable, unique=unique, primary_key=primary_key)
 
 
-def _shape(name: str, type_: str = "GEOMETRY", dimension: int = 2) -> Column[object]:
-    return Column(
-        name,
-        Geometry(type_, srid=-1, dimension=dimension, spatial_index=False),
-        nullable=False,
-    )
+def _shape(name: str, *, nullable: bool = False) -> Column[object]:
+    return Column(name, Geometry("GEOMETRY", srid=-1, spatial_index=False), nullable=nullable)
 
 
 def _doubles(*names: str, nullable: bool = False) -> tuple[Column[float], ...]:
@@ -100,12 +98,49 @@ map_ = Table(
     Column("created_at", STAMP, nullable=False),
 )
 
+map_anchor = Table(
+    "map_anchor",
+    METADATA,
+    _ref("map_id", "map.map_id", primary_key=True),
+    Column("epsg", Integer, nullable=False),
+    *_doubles(*POSE),
+)
+
+map_grid = Table(
+    "map_grid",
+    METADATA,
+    _ref("map_id", "map.map_id", primary_key=True),
+    Column("name", Text, primary_key=True),
+    *_doubles("resolution_m", "origin_x_m", "origin_y_m", "origin_yaw_rad"),
+    Column("negate", Boolean, nullable=False),
+    *_doubles("occupied_thresh", "free_thresh"),
+    _text("mode"),
+    Column("width", Integer, nullable=False),
+    Column("height", Integer, nullable=False),
+    Column("pixels", LargeBinary, nullable=False),
+)
+
 concept = Table(
     "concept",
     METADATA,
     _id("concept_id"),
     Column("name", Text, nullable=False, unique=True),
-    _ref("parent_id", "concept.concept_id", None, nullable=True),
+    _text("comment", nullable=True),
+    Column("attribute_schema", JSONB),
+)
+
+concept_parent = Table(
+    "concept_parent",
+    METADATA,
+    _ref("concept_id", "concept.concept_id", primary_key=True),
+    _ref("parent_id", "concept.concept_id", primary_key=True),
+)
+
+concept_iri = Table(
+    "concept_iri",
+    METADATA,
+    _ref("concept_id", "concept.concept_id", primary_key=True),
+    Column("iri", Text, primary_key=True),
 )
 
 frame = Table(
@@ -123,19 +158,30 @@ frame_pose = Table(
     METADATA,
     _ref("frame_id", "frame.frame_id", primary_key=True),
     Column("stamp", STAMP, primary_key=True),
-    *_doubles("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
+    *_doubles(*POSE),
 )
 
-description = Table("description", METADATA, _id("description_id", BigInteger), _ref("map_id", "map.map_id"))
+description = Table(
+    "description",
+    METADATA,
+    _id("description_id", BigInteger),
+    _ref("map_id", "map.map_id"),
+    _text("name", nullable=True),
+    Column("is_absolute", Boolean, nullable=False),
+    UniqueConstraint("map_id", "name"),
+)
 
 geometry = Table(
     "geometry",
     METADATA,
     _id("geometry_id", BigInteger),
     _ref("description_id", "description.description_id"),
+    _text("name"),
     _text("type"),
-    _shape("body", "GEOMETRYZ", 3),
-    UniqueConstraint("description_id", "type"),
+    _shape("body"),
+    *_doubles(*POSE),
+    *_doubles("z_min_m", "z_max_m", nullable=True),
+    UniqueConstraint("description_id", "name"),
 )
 
 abstraction = Table(
@@ -143,6 +189,7 @@ abstraction = Table(
     METADATA,
     _id("abstraction_id", BigInteger),
     _ref("description_id", "description.description_id"),
+    _ref("instance_id", "instance.instance_id", nullable=True),
     _text("type"),
     _shape("geometry"),
     *_doubles("z_min_m", "z_max_m", nullable=True),
@@ -159,7 +206,7 @@ instance = Table(
     _text("alias", nullable=True),
     _ref("concept_id", "concept.concept_id", None),
     _ref("frame_id", "frame.frame_id", None),
-    _ref("relative_description_id", "description.description_id", None, nullable=True, unique=True),
+    _ref("relative_description_id", "description.description_id", "SET NULL", nullable=True),
     _ref("absolute_description_id", "description.description_id", None, nullable=True, unique=True),
     _ref("storey_id", "instance.instance_id", "SET NULL", nullable=True),
     Column("attributes", JSONB, nullable=False),
@@ -167,6 +214,28 @@ instance = Table(
     Column("updated_at", STAMP, nullable=False),
     UniqueConstraint("map_id", "name"),
     UniqueConstraint("map_id", "uid"),
+)
+
+change_set = Table(
+    "change_set",
+    METADATA,
+    _id("change_set_id", BigInteger),
+    Column("made_at", STAMP, nullable=False),
+    _text("author"),
+    _text("message", nullable=True),
+    _ref("undoes_id", "change_set.change_set_id", None, nullable=True),
+)
+
+row_version = Table(
+    "row_version",
+    METADATA,
+    _id("version_id", BigInteger),
+    _ref("change_set_id", "change_set.change_set_id", None),
+    Column("map_id", Integer),
+    _text("table_name"),
+    _text("row_key"),
+    Column("content", JSONB),
+    _shape("shape", nullable=True),
 )
 
 door_room = Table(

@@ -106,7 +106,7 @@ def test_ifc_buildings(database: str, file: str, rooms: int, doors: int, joining
     with connect(database) as connection:
         complete = connection.execute(
             "select count(*) from semap.instance i join semap.concept c using (concept_id)"
-            " join semap.geometry g on g.description_id = i.relative_description_id and g.type = 'Body'"
+            " join semap.geometry g on g.description_id = i.relative_description_id and g.name = 'Body'"
             " join semap.abstraction f on f.description_id = i.absolute_description_id and f.type = 'Footprint'"
             " join semap.abstraction h on h.description_id = i.absolute_description_id and h.type = 'FootprintHull'"
             " where c.name = 'Room' and f.z_min_m < f.z_max_m and st_area(f.geometry) > 0.1"

@@ -17,7 +17,7 @@ from semap.geometry.prism import extrude
 from semap.model.building import Building, HeightBand, Item, Mesh, Storey
 from semap.model.pose import Pose
 from semap.store.building import import_building
-from semap.store.concept import create_concept, list_concepts
+from semap.store.concept import Concept, create_concept, list_concepts
 from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
 from semap.store.instances import get_instance, list_instances
 from semap.store.maps import create_map
@@ -51,8 +51,8 @@ def refused(engine: Engine, act, error: type[Exception], match: str) -> None:
 
 def test_an_instance_is_found_by_map_concept_and_name(connection: Connection) -> None:
     create_map(connection, "other")
-    create_concept(connection, "Kitchen", "Room")
-    create_concept(connection, "Shelf")
+    create_concept(connection, Concept(0, "Kitchen", ("Room",)))
+    create_concept(connection, Concept(0, "Shelf", ()))
     for map_name, name, concept in (
         ("office", "a", "Room"),
         ("office", "b", "Kitchen"),
@@ -72,8 +72,8 @@ def test_an_instance_is_found_by_map_concept_and_name(connection: Connection) ->
     assert names(name="A") == names(name="old A") == [("office", "a"), ("other", "a")]
     _first, second = list_instances(connection, limit=2)
     assert [each.name for each in list_instances(connection, after=second.instance_id)] == ["c", "a"]
-    parents = {each.name: each.parent for each in list_concepts(connection)}
-    assert (parents["Kitchen"], parents["Shelf"], parents["Thing"]) == ("Room", "Thing", None)
+    parents = {each.name: each.parents for each in list_concepts(connection)}
+    assert (parents["Kitchen"], parents["Shelf"], parents["Thing"]) == (("Room",), ("Thing",), ())
 
 
 def test_a_new_instance_has_the_outline_of_its_body(connection: Connection) -> None:
@@ -112,14 +112,28 @@ def test_a_given_outline_moves_too(connection: Connection) -> None:
     assert get_instance(connection, instance_id).band == HeightBand(5, 6)
 
 
-def test_a_tilt_needs_a_body(engine: Engine, connection: Connection) -> None:
-    item = ell(body=None, footprint=shapely.box(0, 0, 1, 1))
-    flat_id = create_instance(connection, "office", item)
+def test_a_tilt_projects_what_it_tilts(connection: Connection) -> None:
+    flat_id = create_instance(connection, "office", ell(body=None, footprint=shapely.box(0, 0, 1, 1)))
     solid_id = create_instance(connection, "office", ell(name="solid"))
     edit_instance(connection, solid_id, Changes(pose=TILTED))
     assert footprint(connection, solid_id).area == pytest.approx(10)
-    connection.commit()
-    refused(engine, lambda c: edit_instance(c, flat_id, Changes(pose=TILTED)), InvalidInput, "tilted")
+    leaning = Pose(qx=float(np.sin(np.pi / 6)), qw=float(np.cos(np.pi / 6)))
+    edit_instance(connection, flat_id, Changes(pose=leaning))
+    assert footprint(connection, flat_id).equals_exact(
+        shapely.box(0, 0, 1, 0.5).normalize(), 1e-9, normalize=True
+    )
+    edit_instance(connection, flat_id, Changes(pose=TILTED))
+    assert get_instance(connection, flat_id).footprint is None
+
+
+def test_an_outline_given_to_what_is_tilted_stays_as_given(connection: Connection) -> None:
+    instance_id = create_instance(connection, "office", ell(pose=TILTED))
+    outline = shapely.box(0, 0, 9, 9)
+    edit_instance(connection, instance_id, Changes(footprint=outline, band=HeightBand(1, 2)))
+    given = get_instance(connection, instance_id)
+    assert given.footprint is not None
+    assert given.footprint.symmetric_difference(outline).area < 1e-9
+    assert (given.band.z_min_m, given.band.z_max_m) == (pytest.approx(1), pytest.approx(2))
 
 
 def test_outline_heights_and_body_change_together_with_the_pose(connection: Connection) -> None:
@@ -180,7 +194,6 @@ def test_what_cannot_be_is_refused_and_changes_nothing(engine: Engine, connectio
     for changes, error, match in (
         (Changes(name="other"), Conflict, "other"),
         (Changes(name="new", concept="Nothing"), InvalidInput, "there is no concept Nothing"),
-        (Changes(name="new", body=wall), InvalidInput, "no area"),
         (Changes(name="new", footprint=bow_tie), InvalidInput, "crosses itself"),
         (Changes(name="new", band=HeightBand(2, 1)), InvalidInput, "heights from 2 m to 1 m"),
         (Changes(name="new", pose=Pose(qw=0)), InvalidInput, "quaternion"),
@@ -193,7 +206,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(engine: Engine, connectio
         (ell(name="new", concept="Nothing"), InvalidInput, "there is no concept Nothing"),
         (ell(name="new", storey="ell"), InvalidInput, "there is no storey ell"),
         (ell(name="new", joins=("nowhere",)), InvalidInput, "nothing named nowhere"),
-        (ell(name="new", body=wall), InvalidInput, "no area"),
+        (ell(name="new", body=wall, band=HeightBand(0, 1)), InvalidInput, "no footprint"),
     ):
         refused(engine, lambda c, item=item: create_instance(c, "office", item), error, match)
     refused(engine, lambda c: create_instance(c, "nowhere", ell()), NotFound, "no map nowhere")

@@ -76,7 +76,14 @@ def test_a_function_of_an_earlier_version_does_not_live_on(database: str) -> Non
 def test_versions_are_those_of_alembic() -> None:
     scripts = ScriptDirectory(str(schema_folder("migrations")))
     assert scripts.get_current_head() == head_version()
-    assert [s.down_revision for s in scripts.walk_revisions()] == ["0004", "0003", "0002", "0001", None]
+    assert [s.down_revision for s in scripts.walk_revisions()] == [
+        "0005",
+        "0004",
+        "0003",
+        "0002",
+        "0001",
+        None,
+    ]
 
 
 def test_every_function_says_what_it_does(database: str) -> None:

@@ -1,0 +1,141 @@
+"""Who changed what, how it was before, and undo."""
+
+from datetime import datetime
+from uuid import uuid4
+
+import pytest
+import shapely
+from sqlalchemy import Engine
+
+from semap.errors import Conflict, InvalidInput, NotFound
+from semap.geometry.prism import extrude
+from semap.model.building import HeightBand, Item
+from semap.model.pose import Pose
+from semap.store import history
+from semap.store.concept import Concept, change_concept, create_concept, list_concepts
+from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
+from semap.store.instances import get_instance, list_instances
+from semap.store.maps import create_map, delete_map
+
+SQUARE = shapely.box(0, 0, 2, 2)
+
+
+@pytest.fixture
+def office(engine: Engine) -> int:
+    with engine.begin() as connection:
+        history.sign(connection, "ada", "a new office")
+        create_map(connection, "office")
+        return create_instance(
+            connection,
+            "office",
+            Item(uuid4(), "table", "Furniture", body=extrude(SQUARE, 0, 1), attributes={"legs": 4}),
+        )
+
+
+def edit(engine: Engine, instance_id: int, changes: Changes, author: str = "ada", message: str = "") -> None:
+    with engine.begin() as connection:
+        history.sign(connection, author, message)
+        edit_instance(connection, instance_id, changes)
+
+
+def now(engine: Engine) -> datetime:
+    with engine.begin() as connection:
+        return connection.exec_driver_sql("select clock_timestamp()").scalar_one()
+
+
+def test_a_map_is_shown_as_of_any_time(engine: Engine, office: int) -> None:
+    first = now(engine)
+    edit(engine, office, Changes(pose=Pose(x_m=5), name="desk"))
+    second = now(engine)
+    edit(engine, office, Changes(body=extrude(shapely.box(0, 0, 1, 1), 0, 3), attributes={"legs": 3}))
+    third = now(engine)
+    with engine.begin() as connection:
+        delete_instance(connection, office)
+    with engine.begin() as connection:
+        shown = [
+            [
+                (p.name, p.concept, p.attributes, p.pose, p.footprint.bounds, p.band)
+                for p in history.instances_as_of(connection, "office", at)
+            ]
+            for at in (first, second, third, now(engine))
+        ]
+        assert (
+            history.instances_as_of(connection, "office", datetime.fromisoformat("2000-01-01T00:00Z")) == ()
+        )
+        with pytest.raises(InvalidInput, match="time zone"):
+            history.instances_as_of(connection, "office", datetime(2026, 1, 1))  # noqa: DTZ001
+    four, three = {"legs": 4}, {"legs": 3}
+    assert shown == [
+        [("table", "Furniture", four, Pose(), (0, 0, 2, 2), HeightBand(0, 1))],
+        [("desk", "Furniture", four, Pose(x_m=5), (5, 0, 7, 2), HeightBand(0, 1))],
+        [("desk", "Furniture", three, Pose(x_m=5), (5, 0, 6, 1), HeightBand(0, 3))],
+        [],
+    ]
+
+
+def test_a_change_set_says_who_did_what_and_why(engine: Engine, office: int) -> None:
+    edit(engine, office, Changes(name="desk"), "grace", "it is a desk")
+    with engine.begin() as connection:
+        newest, oldest = history.list_change_sets(connection, "office")
+        assert (newest.author, newest.message, newest.undoes) == ("grace", "it is a desk", None)
+        assert (oldest.author, oldest.message) == ("ada", "a new office")
+        assert history.list_change_sets(connection, "office", before=newest.change_set_id) == (oldest,)
+        assert {(r.table, r.name, r.action) for r in history.rows_of(connection, newest.change_set_id)} == {
+            ("instance", "desk", "changed"), ("frame", "desk", "changed"),
+        }  # fmt: skip
+        assert ("instance", "table", "made") in {
+            (r.table, r.name, r.action) for r in history.rows_of(connection, oldest.change_set_id)
+        }
+    with engine.begin() as connection:
+        connection.exec_driver_sql("update semap.instance set alias = 'x'")
+    with engine.begin() as connection:
+        assert history.list_change_sets(connection, limit=1)[0].author == "postgres"
+
+
+def test_undo_takes_a_change_set_back_unless_it_was_changed_since(engine: Engine, office: int) -> None:
+    edit(engine, office, Changes(pose=Pose(y_m=3)))
+    edit(engine, office, Changes(name="desk"))
+    with engine.begin() as connection:
+        renamed, moved, made = history.list_change_sets(connection, "office")
+        with pytest.raises(NotFound), connection.begin_nested():
+            history.undo(connection, 10**6)
+        with pytest.raises(Conflict, match="came after it") as told, connection.begin_nested():
+            history.undo(connection, made.change_set_id)
+        assert "later change first" in told.value.remedy
+    with engine.begin() as connection:
+        undone = history.undo(connection, renamed.change_set_id)
+        assert undone.undoes == renamed.change_set_id
+    with engine.begin() as connection:
+        assert get_instance(connection, office).instance.name == "table"
+        with pytest.raises(Conflict, match="came after it"):
+            history.undo(connection, moved.change_set_id)
+    with engine.begin() as connection:
+        delete_instance(connection, office)
+    with engine.begin() as connection:
+        assert list_instances(connection) == ()
+        history.undo(connection, history.list_change_sets(connection, limit=1)[0].change_set_id)
+    with engine.begin() as connection:
+        again = get_instance(connection, office)
+        assert (again.instance.name, again.pose, again.footprint.bounds) == (
+            "table",
+            Pose(y_m=3),
+            (0, 3, 2, 5),
+        )
+
+
+def test_concepts_have_a_history_too_and_a_deleted_map_has_none(engine: Engine, office: int) -> None:
+    with engine.begin() as connection:
+        create_concept(connection, Concept(0, "Desk", ("Table",), ("ex:desk",)))
+    with engine.begin() as connection:
+        change_concept(connection, "Desk", parents=["Furniture", "Table"], iris=[])
+    with engine.begin() as connection:
+        history.undo(connection, history.list_change_sets(connection, limit=1)[0].change_set_id)
+        desk = next(each for each in list_concepts(connection) if each.name == "Desk")
+        assert (desk.parents, desk.iris) == (("Table",), ("ex:desk",))
+    with engine.begin() as connection:
+        delete_map(connection, "office")
+    with engine.begin() as connection:
+        left = connection.exec_driver_sql(
+            "select distinct table_name from semap.row_version where table_name not like 'concept%%'"
+        ).all()
+        assert left == []
