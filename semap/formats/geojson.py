@@ -7,11 +7,13 @@ concept      default Room (polygons) or Opening (lines, points)
 alias        what people call it
 height_m     extrudes a polygon over [elevation_m, elevation_m + height_m); without it no body, no band
 elevation_m  default 0
-storey       name of its storey, whose elevation is that of its lowest feature
+storey       name of its storey, whose elevation is that of its lowest feature, if not given
 joins        names of the rooms on both sides; without it they are found from the shapes
+uid          a UUID; without it one is made from the name
+attributes   an object of attributes whose names are among these
 
-Every other property becomes an attribute. A line's opening stands at its middle, x along the line, and
-gets its length as the attribute `width_m`.
+Every other property becomes an attribute. A member `storeys` of the document may give elevations by name.
+A line's opening stands at its middle, x along the line, and gets its length as the attribute `width_m`.
 """
 
 from __future__ import annotations
@@ -43,7 +45,17 @@ TINY_M = 0.1
 """No building is smaller; a building in degrees is (0.1 degree is 11 km)."""
 
 OPENING_CONCEPTS = {"Door", "Opening"}
-OWN_PROPERTIES = {"name", "concept", "alias", "height_m", "elevation_m", "storey", "joins"}
+OWN_PROPERTIES = {
+    "name",
+    "concept",
+    "alias",
+    "height_m",
+    "elevation_m",
+    "storey",
+    "joins",
+    "uid",
+    "attributes",
+}
 METRES = "Project the coordinates to metres, for example with `ogr2ogr -t_srs EPSG:<zone>`."
 
 
@@ -78,7 +90,7 @@ def parse_geojson(document: object, where: str = "") -> Building:
             "Give at least one polygon with a `name` property.",
             where,
         )
-    storeys = _storeys(drafts)
+    storeys = _storeys(drafts, document, where)
     _refuse_duplicates([*(draft.item.name for draft in drafts), *(storey.name for storey in storeys)], where)
     items = _with_joins(drafts, findings)
     return Building(storeys, items, tuple(findings))
@@ -138,11 +150,11 @@ def _draft_of_shape(name: str, shape: Shape, properties: Mapping[str, object], w
     if height_m is not None and height_m <= 0:
         raise InvalidInput(f"`height_m` is {height_m}", "Give a height greater than zero.", where)
     band = None if height_m is None else HeightBand(elevation_m, elevation_m + height_m)
-    attributes = {key: value for key, value in properties.items() if key not in OWN_PROPERTIES}
+    attributes = _attributes(properties, where)
     if isinstance(shape, LineString):
         attributes.setdefault("width_m", shape.length)
     item = Item(
-        uid=uuid5(NAMESPACE, name),
+        uid=_uid(properties, name, where),
         name=name,
         concept=_text(properties, "concept", where) or ("Opening" if footprint is None else "Room"),
         alias=_text(properties, "alias", where),
@@ -154,6 +166,21 @@ def _draft_of_shape(name: str, shape: Shape, properties: Mapping[str, object], w
         attributes=attributes,
     )
     return _Draft(item, shape, elevation_m, _joins(properties, where))
+
+
+def _attributes(properties: Mapping[str, object], where: str) -> dict[str, object]:
+    hidden = properties.get("attributes", {})
+    if not isinstance(hidden, Mapping):
+        raise InvalidInput("`attributes` is not an object", "Give an object of attributes.", where)
+    return {key: value for key, value in properties.items() if key not in OWN_PROPERTIES} | dict(hidden)
+
+
+def _uid(properties: Mapping[str, object], name: str, where: str) -> UUID:
+    value = _text(properties, "uid", where)
+    try:
+        return uuid5(NAMESPACE, name) if value is None else UUID(value)
+    except ValueError as error:
+        raise InvalidInput(f"`uid` is {value!r}", "Give a UUID, or leave it out.", where) from error
 
 
 def _pose(shape: Shape, elevation_m: float) -> Pose:
@@ -222,11 +249,17 @@ def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ..
     return tuple(items)
 
 
-def _storeys(drafts: list[_Draft]) -> tuple[Storey, ...]:
+def _storeys(drafts: list[_Draft], document: object, where: str) -> tuple[Storey, ...]:
+    given = document.get("storeys", {}) if isinstance(document, Mapping) else {}
+    if not isinstance(given, Mapping):
+        raise InvalidInput("`storeys` is not an object", 'Give elevations by name: {"ground": 0}.', where)
     elevations_m: dict[str, float] = {}
     for draft in drafts:
         if (name := draft.item.storey) is not None:
             elevations_m[name] = min(draft.elevation_m, elevations_m.get(name, draft.elevation_m))
+    for name in given:
+        _refuse_unstorable({"name": name}, where)
+        elevations_m[name] = _number(given, name, f"{where} storeys") or 0.0
     return tuple(
         Storey(uuid5(NAMESPACE, f"storey {name}"), name, elevation_m)
         for name, elevation_m in elevations_m.items()

@@ -1,9 +1,10 @@
 """Building models in IFC (ISO 16739; IFC2X3 and IFC4), read with IfcOpenShell.
 
-IfcBuildingStorey becomes a storey, IfcSpace a Room, IfcDoor a Door. All lengths are converted to metres.
-Bodies stay in their object's own frame; the placement becomes the pose. Rooms get the heights of their
-storey (`semap.formats.storey_band`). Doors join the rooms that the file's space boundaries name; where it
-names none, the rooms are found from the shapes (`semap.formats.adjacency`).
+IfcBuildingStorey becomes a storey, IfcSpace a Room, IfcDoor a Door, IfcWindow a Window, and whatever lies
+below IfcFurnishingElement Furniture; attributes keep the entity's own class and type. All lengths are
+converted to metres. Bodies stay in their object's own frame; the placement becomes the pose. Rooms get the
+heights of their storey (`semap.formats.storey_band`). Doors join the rooms that the file's space boundaries
+name; where it names none, the rooms are found from the shapes (`semap.formats.adjacency`).
 """
 
 from __future__ import annotations
@@ -35,7 +36,12 @@ Entity = Any
 Progress = Callable[[int, int], None]
 """Called with the number of entities done and their total."""
 
-CONCEPTS = {"IfcSpace": "Room", "IfcDoor": "Door"}
+CONCEPTS = {
+    "IfcSpace": "Room",
+    "IfcDoor": "Door",
+    "IfcWindow": "Window",
+    "IfcFurnishingElement": "Furniture",
+}
 """What entities of a class, or of a class below it, become."""
 
 DEPTH = 32
@@ -60,7 +66,7 @@ class _Placed:
 
 
 def read_ifc(path: Path, progress: Progress | None = None) -> Building:
-    """Read storeys, rooms and doors of a building model.
+    """Read storeys, rooms, doors, windows and furniture of a building model.
 
     raises  NotFound if there is no such file; InvalidInput if it is not IFC, is cut off or has no spaces,
             or if IfcOpenShell is not installed
@@ -226,10 +232,6 @@ def _joins(placed: Sequence[_Placed], findings: list[Finding]) -> dict[str, tupl
         joins[door.name] = tuple(bounded)
         if not bounded:
             unbounded.append(door)
-        elif len(bounded) > 2:
-            findings.append(
-                Finding("note", door.name, f"the file says that it bounds {len(bounded)} rooms; all are kept")
-            )
     return joins | _joins_by_shape(unbounded, list(rooms.values()), findings)
 
 
@@ -273,6 +275,9 @@ def _joins_by_shape(
 def _attributes(entity: Entity, scales: Mapping[str, float]) -> dict[str, object]:
     """The entity's identity in the file, and its measures where the file has them [m, m2]."""
     attributes: dict[str, object] = {"ifc_global_id": entity.GlobalId, "ifc_class": entity.is_a()}
+    kind = _library("ifcopenshell.util.element").get_type(entity)
+    if (named := getattr(kind, "Name", None) or entity.ObjectType) is not None:
+        attributes["ifc_type"] = named
     for attribute, key in (("OverallWidth", "width_m"), ("OverallHeight", "height_m")):
         if (value := getattr(entity, attribute, None)) is not None:
             attributes[key] = value * scales["LENGTHUNIT"]

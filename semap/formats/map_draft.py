@@ -1,0 +1,108 @@
+"""A map while its file is read: what was named where, and what names what.
+
+Names may be used before they are given, so that references are checked at the end.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from semap.errors import InvalidInput
+from semap.formats.yaml_node import Node
+from semap.model.map_document import (
+    ConceptEntry,
+    DescriptionEntry,
+    FrameEntry,
+    InstanceEntry,
+    OccupancyGrid,
+    QueryEntry,
+    RuleEntry,
+)
+
+ROOT = "map"
+
+
+@dataclass(eq=False)
+class Draft:
+    """Entries as they are found.
+
+    folder  that of the map; files of the map lie in it
+    places  by kind and name, where a thing is given
+    uses    kind and name of what is named elsewhere, and where
+    """
+
+    folder: Path
+    concepts: list[ConceptEntry] = field(default_factory=list)
+    frames: list[FrameEntry] = field(default_factory=list)
+    descriptions: list[DescriptionEntry] = field(default_factory=list)
+    instances: list[InstanceEntry] = field(default_factory=list)
+    queries: list[QueryEntry] = field(default_factory=list)
+    rules: list[RuleEntry] = field(default_factory=list)
+    grids: list[OccupancyGrid] = field(default_factory=list)
+    places: dict[tuple[str, str], str] = field(default_factory=dict)
+    uses: list[tuple[str, str, str]] = field(default_factory=list)
+
+    def given(self, kind: str, name: str, node: Node) -> None:
+        """Note that a thing is given here.
+
+        raises  InvalidInput if one of its kind has that name already
+        """
+        if not name:
+            raise node.wrong(f"a {kind} without a name", "Give it one.")
+        before = self.places.setdefault((kind, name), node.where)
+        if before is not node.where:
+            raise node.wrong(f"there is a {kind} {name!r} already, at {before}", "Give it another name.")
+
+    def named(self, kind: str, node: Node) -> str:
+        """The name that is used here."""
+        self.uses.append((kind, node.text(), node.where))
+        return node.text()
+
+    def check(self) -> None:
+        """raises InvalidInput where a name is used that is not given, or frames stand in a circle"""
+        for kind, name, where in self.uses:
+            if (kind, name) in self.places:
+                continue
+            names = [known for of_kind, known in self.places if of_kind == kind]
+            near = difflib.get_close_matches(name, names, 1)
+            raise InvalidInput(
+                f"there is no {kind} {name!r} on this map",
+                f"Did you mean {near[0]!r}?" if near else f"Add it, or name another {kind}.",
+                where,
+            )
+        self._refuse_circles()
+
+    def inherit_storeys(self, standing_on: Mapping[str, str]) -> None:
+        """Give each instance of the short form the storey of what it stands on, where it names none.
+
+        standing_on  by instance, what it stands on; without circles, as `check` makes sure
+        """
+        storeys = {each.name: each.storey for each in self.instances}
+        is_storey = {each.name for each in self.instances if each.concept == "Storey"}
+        for place, each in enumerate(self.instances):
+            below: str | None = standing_on.get(each.name) if each.storey is None else None
+            while below is not None:
+                if (storey := below if below in is_storey else storeys.get(below)) is not None:
+                    self.instances[place] = replace(each, storey=storey)
+                    break
+                below = standing_on.get(below)
+
+    def _refuse_circles(self) -> None:
+        parents = {each.name: each.parent for each in self.frames}
+        safe: set[str | None] = {None}
+        for name in parents:
+            chain: list[str | None] = []
+            above: str | None = name
+            while above not in safe:
+                if above in chain:
+                    raise InvalidInput(
+                        f"the frame {above!r} stands in itself",
+                        "Give one of the frames on the circle another parent.",
+                        self.places["frame", name],
+                    )
+                chain.append(above)
+                above = parents[above] if above is not None else None
+            safe.update(chain)
