@@ -1,0 +1,32 @@
+"""Filters in the OGC's Common Query Language (CQL2, OGC 21-065r2): read from text or JSON, and checked."""
+
+from semap.cql2.check import Kind, Kinds, check, kind_of
+from semap.cql2.expression import (
+    Array,
+    Call,
+    Expression,
+    Instant,
+    Interval,
+    Literal,
+    Property,
+    Shape,
+    parts,
+)
+from semap.cql2.parse import parse
+
+__all__ = [
+    "Array",
+    "Call",
+    "Expression",
+    "Instant",
+    "Interval",
+    "Kind",
+    "Kinds",
+    "Literal",
+    "Property",
+    "Shape",
+    "check",
+    "kind_of",
+    "parse",
+    "parts",
+]

@@ -1,0 +1,216 @@
+"""What kinds of values the parts of a filter have, and whether they fit together.
+
+`any` is a value whose kind only the thing itself tells, such as an attribute in JSON. Where another kind is
+wanted of it, a value of any other kind counts as missing, and what is asked of a missing value is unknown:
+neither true nor false, as null in SQL.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Literal as Only
+from typing import NoReturn
+
+from semap.cql2.expression import Array, Call, Expression, Instant, Interval, Literal, Property, Shape
+from semap.errors import InvalidInput
+
+Kind = Only["boolean", "number", "text", "instant", "interval", "shape", "array", "any", "null"]
+Kinds = Mapping[str, Kind]
+"""The kind of each property; one of kind `any` has properties of its own, such as attributes.seats."""
+
+LOGIC = ("and", "or", "not")
+COMPARISONS = ("=", "<>", "<", "<=", ">", ">=")
+ARITHMETIC = ("+", "-", "*", "/", "^", "%", "div")
+SPATIAL = (
+    "s_intersects",
+    "s_equals",
+    "s_disjoint",
+    "s_touches",
+    "s_within",
+    "s_overlaps",
+    "s_crosses",
+    "s_contains",
+)
+TEMPORAL = (
+    "t_after",
+    "t_before",
+    "t_contains",
+    "t_disjoint",
+    "t_during",
+    "t_equals",
+    "t_finishedBy",
+    "t_finishes",
+    "t_intersects",
+    "t_meets",
+    "t_metBy",
+    "t_overlappedBy",
+    "t_overlaps",
+    "t_startedBy",
+    "t_starts",
+)
+ARRAYS = ("a_contains", "a_containedBy", "a_equals", "a_overlaps")
+OPERATORS = (
+    *LOGIC,
+    *COMPARISONS,
+    "like",
+    "between",
+    "in",
+    "isNull",
+    "casei",
+    "accenti",
+    *ARITHMETIC,
+    *SPATIAL,
+    *TEMPORAL,
+    *ARRAYS,
+    "isA",
+)
+
+ORDERED = ("number", "text", "instant")
+COUNTS = {"not": 1, "isNull": 1, "casei": 1, "accenti": 1, "isA": 1, "between": 3}
+WANTED: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(LOGIC, ("boolean",)),
+    **dict.fromkeys(ARITHMETIC, ("number",)),
+    **dict.fromkeys(SPATIAL, ("shape",)),
+    **dict.fromkeys(TEMPORAL, ("instant", "interval")),
+    **dict.fromkeys(ARRAYS, ("array",)),
+    **dict.fromkeys(("like", "casei", "accenti"), ("text",)),
+}
+
+
+def check(expression: Expression, kinds: Kinds) -> None:
+    """raises InvalidInput unless the expression is a filter: everything in it is known and fits together"""
+    if kind_of(expression, kinds) not in ("boolean", "any"):
+        _refuse(expression, "it is neither true nor false", "Compare it with something.")
+    _check(expression, kinds)
+
+
+def kind_of(expression: Expression, kinds: Kinds) -> Kind:
+    """The kind of a part.
+
+    raises  InvalidInput for an unknown property
+    """
+    match expression:
+        case Property(name=name):
+            kind = kinds.get(name)
+            head, _, key = name.partition(".")
+            if kind is None and key and kinds.get(head) == "any":
+                return "any"
+            if kind is None:
+                _refuse(expression, f"there is no property {name}", _near(name, kinds))
+            return kind
+        case Literal(value=value):
+            return _literal_kind(value)
+        case Instant():
+            return "instant"
+        case Interval():
+            return "interval"
+        case Shape():
+            return "shape"
+        case Array():
+            return "array"
+        case Call(op=op):
+            if op in ARITHMETIC:
+                return "number"
+            return "text" if op in ("casei", "accenti") else "boolean"
+
+
+def _literal_kind(value: object) -> Kind:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "boolean"
+    return "text" if isinstance(value, str) else "number"
+
+
+def _check(expression: Expression, kinds: Kinds) -> None:
+    match expression:
+        case Call(op=op, args=args):
+            least = COUNTS.get(op, 2)
+            if len(args) < least or (len(args) > least and op not in ("and", "or")):
+                _refuse(expression, f"{op} of {len(args)} parts", f"Give it {least}.")
+            for each in args:
+                _check(each, kinds)
+            _check_kinds(expression, [kind_of(each, kinds) for each in args], kinds)
+        case Array(items=items):
+            for each in items:
+                _check(each, kinds)
+                if kind_of(each, kinds) in ("array", "shape", "interval", "null"):
+                    _refuse(
+                        each,
+                        "a list of other things than texts, numbers, times or truth values",
+                        "Leave it out.",
+                    )
+        case Interval(start=start, end=end):
+            for side in (start, end):
+                if side is not None and kind_of(side, kinds) not in ("instant", "any"):
+                    _refuse(side, "an end of an interval that is no time", "Give a time, or '..'.")
+            if isinstance(start, Instant) and isinstance(end, Instant) and start.stamp > end.stamp:
+                _refuse(expression, "an interval that ends before it begins", "Give the earlier time first.")
+        case Property():
+            kind_of(expression, kinds)
+
+
+def _check_kinds(call: Call, found: list[Kind], kinds: Kinds) -> None:
+    wanted = WANTED.get(call.op)
+    if wanted is not None:
+        for each, kind in zip(call.args, found, strict=True):
+            if kind != "any" and kind not in wanted:
+                _refuse(each, f"{call.op} of a {kind}", f"Give it a {' or '.join(wanted)}.")
+    if call.op in COMPARISONS:
+        _check_alike(call, found, ORDERED if call.op not in ("=", "<>") else (*ORDERED, "boolean"))
+    elif call.op == "between":
+        _check_alike(call, found, ORDERED)
+    elif call.op == "like":
+        _check_pattern(call.args[1])
+    elif call.op == "in":
+        listed = call.args[1]
+        if not isinstance(listed, Array):
+            _refuse(listed, "in of something that is no list", "Give a list: name in ('a', 'b').")
+        for each in listed.items:
+            alike = Call("in", (call.args[0], each), each.place)
+            _check_alike(alike, [found[0], kind_of(each, kinds)], (*ORDERED, "boolean"))
+    elif call.op == "isA":
+        of = call.args[0]
+        if not isinstance(of, Literal) or not isinstance(of.value, str):
+            _refuse(of, "isA of something that is no name", "Name a concept: isA('Room').")
+    elif call.op == "isNull" and found[0] in ("null", "array", "interval"):
+        _refuse(call, f"isNull of a {found[0]}", "Ask it of a property.")
+
+
+def _check_alike(call: Call, found: list[Kind], allowed: tuple[str, ...]) -> None:
+    if "null" in found:
+        _refuse(call, "a comparison with null is never true", "Write: alias IS NULL (op isNull).")
+    known = {kind for kind in found if kind != "any"}
+    if len(known) > 1:
+        hint = (
+            "Write times as TIMESTAMP('2026-01-31T12:00:00Z')."
+            if "instant" in known
+            else "Compare like with like."
+        )
+        _refuse(call, f"{call.op} of a {' and a '.join(sorted(known))}", hint)
+    if not known <= set(allowed):
+        _refuse(call, f"{call.op} of a {known.pop()}", f"Use it for {', '.join(allowed)}.")
+
+
+def _check_pattern(pattern: Expression) -> None:
+    while isinstance(pattern, Call) and pattern.op in ("casei", "accenti") and len(pattern.args) == 1:
+        pattern = pattern.args[0]
+    if not isinstance(pattern, Literal) or not isinstance(pattern.value, str):
+        _refuse(
+            pattern,
+            "like of something that is no pattern",
+            "Give a text; % stands for any, _ for one character.",
+        )
+    if (len(pattern.value) - len(pattern.value.rstrip("\\"))) % 2:
+        _refuse(pattern, "a pattern that ends with \\", "Write \\\\ for a backslash.")
+
+
+def _near(name: str, kinds: Kinds) -> str:
+    near = difflib.get_close_matches(name, kinds, n=1)
+    known = [f"{each}.<key>" if kind == "any" else each for each, kind in kinds.items()]
+    return (f"Did you mean {near[0]}? " if near else "") + f"There are {', '.join(known)}."
+
+
+def _refuse(part: Expression, message: str, remedy: str) -> NoReturn:
+    raise InvalidInput(message, remedy, part.place)

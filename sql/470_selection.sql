@@ -1,0 +1,64 @@
+-- What operators are given: instances by what is known of them; and their answers as documents.
+
+-- The ids of instances of a map, in their order: of a concept (name or IRI) or one below it, with one of these names or
+-- aliases, among these ids, whose attributes contain these; null asks for nothing.
+create or replace function semap.instances(
+  p_map text, p_concept text default null, p_names text[] default null, p_ids bigint[] default null,
+  p_attributes jsonb default null
+) returns bigint[]
+language plpgsql stable parallel safe set search_path = public, pg_temp as $$
+begin
+  if not exists (select from semap.map where name = p_map) then
+    raise exception 'There is no map %.', p_map using errcode = 'no_data_found', hint = 'List the maps to see their names.';
+  end if;
+  if p_concept is not null and semap.concept_named(p_concept) is null then
+    raise exception 'There is no concept %.', p_concept
+      using errcode = 'no_data_found', hint = 'List the concepts to see their names and IRIs.';
+  end if;
+  return array(
+    select i.instance_id
+    from semap.instance i join semap.map m using (map_id)
+    where m.name = p_map
+      and (p_ids is null or i.instance_id = any (p_ids))
+      and (p_names is null or i.name = any (p_names) or i.alias = any (p_names))
+      and (p_concept is null or i.concept_id in (select semap.concepts_below(semap.concept_named(p_concept))))
+      and (p_attributes is null or i.attributes @> p_attributes)
+    order by i.instance_id);
+end $$;
+comment on function semap.instances is
+  'The ids of instances of a map by concept, names, ids and attributes; null asks for nothing.';
+
+-- A text without its accents, so that é and e are alike: decomposed (NFD), without combining marks.
+create or replace function semap.without_accents(p_text text) returns text
+language sql immutable parallel safe as $$
+  select regexp_replace(normalize(p_text, nfd), '[\u0300-\u036F]', '', 'g')
+$$;
+comment on function semap.without_accents is
+  'A text without its accents, so that é and e are alike.';
+
+-- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.
+create or replace function semap.instant_of(p_text text) returns timestamptz
+language plpgsql immutable parallel safe as $$
+begin
+  if p_text ~ '^\d{4}-\d\d-\d\d$' then
+    return (p_text || 'T00:00:00Z')::timestamptz;
+  elsif p_text ~ '^\d{4}-\d\d-\d\d[Tt]\d\d:\d\d:\d\d(\.\d+)?([Zz]|[+-]\d\d:\d\d)$' then
+    return p_text::timestamptz;
+  end if;
+  return null;
+exception when data_exception then
+  return null;
+end $$;
+comment on function semap.instant_of is
+  'The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.';
+
+-- A geometry as GeoJSON in metres, to the last digit; the faces of a mesh as a MultiPolygon with heights.
+create or replace function semap.geojson(p_geometry public.geometry) returns jsonb
+language sql immutable strict parallel safe set search_path = public, pg_temp as $$
+  select case
+    when geometrytype(p_geometry) in ('TIN', 'POLYHEDRALSURFACE', 'TRIANGLE') then
+      (select st_asgeojson(st_collect(st_makepolygon(st_exteriorring(geom)) order by path), 15, 0)::jsonb from st_dump(p_geometry))
+    else st_asgeojson(p_geometry, 15, 0)::jsonb end
+$$;
+comment on function semap.geojson is
+  'A geometry as GeoJSON in metres, to the last digit; the faces of a mesh as a MultiPolygon with heights.';
