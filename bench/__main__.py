@@ -1,6 +1,6 @@
 """Run all benchmarks: print a table and write bench/results.json.
 
-python -m bench [throughput] [latency]
+python -m bench [throughput] [latency] [abstractions] [operators] [solid]
 """
 
 from __future__ import annotations
@@ -10,19 +10,59 @@ import platform
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from bench import latency, throughput
+from bench import abstractions, latency, operators, solid, throughput
 from semap.cluster import lease
 from semap.store.schema import migrate
 
 RESULTS = Path(__file__).parent / "results.json"
-AIMS = {"throughput": "ratio_median at least 0.25", "latency": "p50_ms at most 10 at 1,000 states/s"}
+
+Rows = list[dict[str, object]]
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What it does, what it aims at, and the run on a migrated database of its own."""
+
+    begins: str
+    aim: str
+    run: Callable[[str], Rows]
+
+
+BENCHMARKS = {
+    "throughput": Benchmark(
+        f"{throughput.ROUNDS} rounds of {throughput.FRAMES} batches, bare COPY and triggers in turn",
+        "ratio_median at least 0.25",
+        throughput.measure,
+    ),
+    "latency": Benchmark(
+        f"{latency.LENGTH_S:.0f} s through the triggers, the log, the worker and the service",
+        "p50_ms at most 10 at 1,000 states/s",
+        lambda dsn: [latency.measure(dsn, rate) for rate in (1_000, 10_000)],
+    ),
+    "abstractions": Benchmark(
+        "all abstractions of meshes of a million triangles",
+        "seconds at most 5, peak_rss_mb at most 2048",
+        lambda _: abstractions.measure(),
+    ),
+    "operators": Benchmark("questions over 100,000 instances", "median_ms at most 10", operators.measure),
+    "solid": Benchmark(
+        "exact 3D predicates on pairs of meshes",
+        "boxes apart 1 ms, surfaces apart 100 ms, touching 1 s, at 1,280 triangles",
+        lambda dsn: solid.measure(dsn, 3),
+    ),
+}
 
 
 def main(wanted: list[str]) -> None:
     """Measure on a server of the run's own, with semap's own settings."""
+    unknown = set(wanted) - set(BENCHMARKS)
+    if unknown:
+        sys.exit(f"There is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(BENCHMARKS)}.")
     results: dict[str, object] = {
         "measured_at": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"processor": platform.machine(), "python": platform.python_version()},
@@ -31,15 +71,16 @@ def main(wanted: list[str]) -> None:
     folder.chmod(0o711)
     try:
         with lease(folder) as cluster:
-            for name, run in (("throughput", _throughput), ("latency", _latency)):
-                if not wanted or name in wanted:
-                    cluster.create_database(name)
-                    migrate(cluster.dsn(name))
-                    rows = run(cluster.dsn(name))
-                    print(f"\n{name} (aim: {AIMS[name]})")
-                    _table(rows)
-                    results[name] = rows
-                    cluster.drop_database(name)
+            for name in wanted or BENCHMARKS:
+                benchmark = BENCHMARKS[name]
+                cluster.create_database(name)
+                migrate(cluster.dsn(name))
+                print(f"{name}: {benchmark.begins} ...", flush=True)
+                rows = benchmark.run(cluster.dsn(name))
+                print(f"\n{name} (aim: {benchmark.aim})")
+                _table(rows)
+                results[name] = rows
+                cluster.drop_database(name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     RESULTS.write_text(json.dumps(results, indent=2) + "\n")
@@ -48,20 +89,9 @@ def main(wanted: list[str]) -> None:
     )
 
 
-def _throughput(dsn: str) -> list[dict[str, object]]:
-    rounds, frames = throughput.ROUNDS, throughput.FRAMES
-    print(f"throughput: {rounds} rounds of {frames} batches, bare COPY and triggers in turn ...")
-    return throughput.measure(dsn)
-
-
-def _latency(dsn: str) -> list[dict[str, object]]:
-    print(f"latency: {latency.LENGTH_S:.0f} s through the triggers, the log, the worker and the service ...")
-    return [latency.measure(dsn, rate) for rate in (1_000, 10_000)]
-
-
-def _table(rows: list[dict[str, object]]) -> None:
-    titles = list(rows[0])
-    lines = [titles, *([str(row[title]) for title in titles] for row in rows)]
+def _table(rows: Rows) -> None:
+    titles = list(dict.fromkeys(title for row in rows for title in row))
+    lines = [titles, *([str(row.get(title, "")) for title in titles] for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(titles))]
     for line in lines:
         print("  " + "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))

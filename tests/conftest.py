@@ -1,12 +1,18 @@
+import os
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 from server import fresh_database, running_cluster
 from world import World
 
 from semap.cluster import Cluster
 from semap.store.database import connect
 from semap.store.schema import ensure_slot, migrate
+
+# The same examples in each run, so that a change is judged by itself; `./dev test --all` looks for new ones.
+settings.register_profile("steady", derandomize=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 
 @pytest.fixture(scope="session")

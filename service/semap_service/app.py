@@ -20,12 +20,21 @@ from semap_service.openapi import describer
 from semap_service.origin import OwnOrigin
 from semap_service.problem import answer_problems
 from semap_service.routes import (
+    abstractions,
+    anchor,
     concepts,
+    descriptions,
     event_feed,
     events,
+    exchange,
+    frames,
+    geometries,
+    grids,
     health,
+    history,
     instances,
     maps,
+    operators,
     queries,
     relations,
     rooms,
@@ -45,9 +54,33 @@ A semantic map with continuous queries: what is where, who is in which room, and
 Lengths are metres in the map frame (right-handed, z up), angles are quaternions (x y z w), stamps are
 RFC 3339 in UTC. Lists give at most `limit` entries and go on at `next`. Every error is a problem document
 (RFC 9457) with a `remedy`.
+
+What can be changed is read with an ETag: with If-None-Match an unchanged answer is 304, and a change with
+If-Match is refused (412) where another was faster. Semap-Author and Semap-Message sign a change in the
+history of the map.
 """
 
-RESOURCES = (health, maps, instances, rooms, tracks, relations, events, queries, rules, concepts)
+RESOURCES = (
+    health,
+    exchange,
+    maps,
+    anchor,
+    grids,
+    frames,
+    descriptions,
+    geometries,
+    instances,
+    abstractions,
+    rooms,
+    operators,
+    tracks,
+    relations,
+    events,
+    queries,
+    rules,
+    concepts,
+    history,
+)
 LINKS = (
     "/docs",
     "/openapi.json",
@@ -56,6 +89,7 @@ LINKS = (
     "/instances",
     "/rooms",
     "/tracks",
+    "/operators",
     "/relations",
     "/events",
     "/queries",

@@ -17,6 +17,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
 from semap.errors import (
+    ChangedMeanwhile,
     Conflict,
     DatabaseError,
     InvalidInput,
@@ -35,6 +36,7 @@ RETRY_S = "1"
 STATUS: tuple[tuple[type[SemapError], HTTPStatus, str], ...] = (
     (NotFound, HTTPStatus.NOT_FOUND, "not-found"),
     (Conflict, HTTPStatus.CONFLICT, "conflict"),
+    (ChangedMeanwhile, HTTPStatus.PRECONDITION_FAILED, "changed-meanwhile"),
     (TooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large"),
     (InvalidInput, HTTPStatus.UNPROCESSABLE_ENTITY, "invalid-input"),
     (ServerUnavailable, HTTPStatus.SERVICE_UNAVAILABLE, "database-unavailable"),
@@ -53,6 +55,7 @@ REMEDIES = {
 MEANING = {
     HTTPStatus.NOT_FOUND: "What was named does not exist.",
     HTTPStatus.CONFLICT: "What was asked for contradicts what is already there.",
+    HTTPStatus.PRECONDITION_FAILED: "It is no longer what If-Match names: read it again.",
     HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The body is larger than the service takes.",
     HTTPStatus.UNPROCESSABLE_ENTITY: "A value that semap cannot use; `errors` names the places.",
     HTTPStatus.BAD_REQUEST: "The body cannot be read.",

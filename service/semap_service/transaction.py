@@ -1,18 +1,27 @@
-"""The transaction of a request."""
+"""The transaction of a request: to read, to write, or to edit what is there.
+
+What is written is signed: the change set in the history of the map says who asked for it and why.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import Depends
-from sqlalchemy import Connection, Engine
+from fastapi import Depends, Header, Request
+from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.requests import HTTPConnection
 
-from semap.errors import ServerUnavailable
+from semap.errors import ChangedMeanwhile, NotFound, ServerUnavailable
 from semap.store.database import translated
+from semap.store.history import sign
+from semap_service.etag import Representation, etag_of, names
+
+Current = Callable[[Connection], Representation | tuple[Callable[[], Representation], ...]]
+"""What a reader would be sent now, or each of its forms."""
 
 
 def _engine(connection: HTTPConnection) -> Engine:
@@ -36,3 +45,104 @@ def transaction(engine: Engine) -> Iterator[Connection]:
         raise ServerUnavailable(
             "All connections to the database are in use.", "Try again in a moment."
         ) from error
+
+
+@dataclass(frozen=True)
+class Writing:
+    """A request that adds something."""
+
+    engine: Engine
+    author: str
+    message: str
+
+    @contextmanager
+    def begin(self) -> Iterator[Connection]:
+        """One signed transaction, committed at the end and before anything is answered."""
+        with transaction(self.engine) as connection:
+            sign(connection, self.author, self.message)
+            yield connection
+
+
+def _writing(
+    request: Request,
+    engine: Database,
+    author: Annotated[
+        str | None,
+        Header(
+            alias="Semap-Author",
+            max_length=200,
+            description="Who makes this change, for the history of the map. [default: the caller's address]",
+        ),
+    ] = None,
+    message: Annotated[
+        str, Header(alias="Semap-Message", max_length=1000, description="Why, for the history of the map.")
+    ] = "",
+) -> Writing:
+    address = "unknown" if request.client is None else request.client.host
+    return Writing(engine, _text(author) if author else address, _text(message))
+
+
+Write = Annotated[Writing, Depends(_writing)]
+
+
+@dataclass(frozen=True)
+class Editing:
+    """A request that changes or deletes something, if it still is what If-Match names."""
+
+    writing: Writing
+    if_match: str | None
+    may_create: bool
+
+    @contextmanager
+    def begin(self, current: Current) -> Iterator[Connection]:
+        """One signed transaction in which nobody else edits from the comparison on.
+
+        current  reads what is to be changed
+        raises   ChangedMeanwhile if that is not what If-Match names
+        """
+        with self.writing.begin() as connection:
+            if self.if_match is not None:
+                with translated():
+                    connection.execute(select(func.semap.change_regions()))
+                self._compare(connection, current)
+            yield connection
+
+    def _compare(self, connection: Connection, current: Current) -> None:
+        try:
+            present = current(connection)
+        except NotFound as error:
+            if not self.may_create:
+                raise
+            raise ChangedMeanwhile(f"{error} If-Match asks for one.", "Send it without If-Match.") from error
+        forms = present if isinstance(present, tuple) else (lambda: present,)
+        if not any(names(self.if_match or "", etag_of(form())) for form in forms):
+            raise ChangedMeanwhile(
+                "It was changed since it was read: If-Match names another state.",
+                "Read it again, look at what changed, and send the change with its new ETag.",
+            )
+
+
+def _editing(
+    request: Request,
+    writing: Write,
+    if_match: Annotated[
+        str | None,
+        Header(
+            alias="If-Match",
+            max_length=1000,
+            description="The ETag of what was read; the change is refused (412) if it is another now.",
+        ),
+    ] = None,
+) -> Editing:
+    return Editing(writing, if_match, request.method == "PUT")
+
+
+Edit = Annotated[Editing, Depends(_editing)]
+
+
+def _text(header: str) -> str:
+    """The text of a header: UTF-8 where it is that, as programs send it, else ISO 8859-1 (RFC 9110, 5.5)."""
+    try:
+        return header.encode("latin-1").decode()
+    except UnicodeError:
+        return header

@@ -137,7 +137,7 @@ def test_a_database_without_a_schema(empty_database: str) -> None:
 
 def test_every_command_explains_itself() -> None:
     pages = [["--help"], *([name, "--help"] for name in ("up", "demo", "events", "work", "serve", "map", "ingest",
-                                                       "query", "rule", "db"))]  # fmt: skip
+                                                       "query", "rule", "concept", "db"))]  # fmt: skip
     for page in pages:
         ran = semap(None, *page)
         assert ran.returncode == 0

@@ -63,7 +63,8 @@ def test_a_patch_moves_the_footprint_exactly(service: Service) -> None:
     assert shapely.equals(shape(moved["footprint"]), shapely.affinity.translate(ELL, 0.25, -3))
     assert moved["band"] == {"z_min_m": 1, "z_max_m": 3.5}
     named = service.client.patch(where, json={"alias": "x", "name": "y"}).json()
-    assert named == {**moved, "alias": "x", "name": "y", "updated_at": named["updated_at"]}
+    frame = {**moved["frame"], "name": "y"}
+    assert named == {**moved, "alias": "x", "name": "y", "frame": frame, "updated_at": named["updated_at"]}
     assert service.client.patch(where, json={"alias": None}).json()["alias"] is None
     assert kind(service.client.patch(where, json={"name": None})) == (422, "invalid-input")
     assert kind(service.client.patch(where, json={"elevation_m": 1})) == (422, "invalid-input")

@@ -9,7 +9,7 @@ import typer
 
 from semap import __version__
 from semap.errors import CallerError, SemapError
-from semap_service.cli import database, demo, events, ingest, maps, processes, queries, rules
+from semap_service.cli import concepts, database, demo, events, ingest, maps, processes, queries, rules
 
 HELP = """
 A semantic map with continuous queries, on PostGIS.
@@ -43,6 +43,7 @@ def commands() -> typer.Typer:
     app.command("up")(processes.up)
     app.command("demo")(demo.demo)
     app.add_typer(maps.commands(), name="map")
+    app.add_typer(concepts.commands(), name="concept")
     app.add_typer(ingest.commands(), name="ingest")
     app.command("events")(events.events)
     app.add_typer(queries.commands(), name="query")

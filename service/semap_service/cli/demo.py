@@ -133,7 +133,7 @@ def _bring_in(dsn: str, scene: Scene) -> None:
     from semap.store.building import import_building  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
-    from semap_service.cli.maps import report_lines  # noqa: PLC0415
+    from semap_service.cli.exchange import report_lines  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_api") as connection:
         create_map(connection, scene.name)

@@ -3,81 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import counted, print_json, print_rows
-from semap_service.cli.session import AsJson, Dsn, database
-
-if TYPE_CHECKING:
-    from semap.store.building import ImportReport
-
-MapName = Annotated[str, typer.Argument(metavar="MAP", help="Name of the map.")]
-Cell = Annotated[
-    float,
-    typer.Option(
-        help="Side of the cells of the spatial index [m]: 4 for a building, 100 for a farm.", min=0.1
-    ),
-]
+from semap_service.cli import anchor, exchange, frames, history
+from semap_service.cli.output import print_rows
+from semap_service.cli.session import AsJson, Cell, Dsn, MapName, database, signed_edit
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(no_args_is_help=True, help="Maps: import a building, list what is there, delete.")
-    app.command("import")(import_file)
+    app = typer.Typer(
+        no_args_is_help=True, help="Maps: bring them in and out, see what is there, who changed it, and undo."
+    )
+    app.command("import")(exchange.import_file)
+    app.command("export")(exchange.export_file)
     app.command("list")(list_all)
     app.command("show")(show)
     app.command("create")(create)
     app.command("delete")(delete)
+    app.command("frames")(frames.frames)
+    app.command("transform")(frames.transform)
+    app.command("anchor")(anchor.anchor)
+    app.command("history")(history.history)
+    app.command("undo")(history.undo)
     return app
-
-
-def import_file(
-    file: Annotated[Path, typer.Argument(help="A building: GeoJSON in metres (.geojson) or IFC (.ifc).")],
-    name: Annotated[
-        str | None, typer.Option("--map", help="The map to import into. [default: the file's name]")
-    ] = None,
-    cell: Cell = 4.0,
-    as_json: AsJson = False,
-    dsn: Dsn = None,
-) -> None:
-    """Bring a building into a map, which is made if there is none of that name.
-
-    All of it or nothing: a file that cannot be imported changes nothing.
-    """
-    from semap.formats import read_building  # noqa: PLC0415
-    from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import create_map, list_maps  # noqa: PLC0415
-    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
-
-    map_name = name or file.stem
-    with progress_bar("objects read", quiet=as_json) as advance:
-        building = read_building(file, advance)
-    with (
-        database(dsn) as opened,
-        one_transaction(opened, "semap_api") as connection,
-        progress_bar("objects placed", quiet=as_json) as advance,
-    ):
-        if map_name not in {found.name for found in list_maps(connection)}:
-            create_map(connection, map_name, cell)
-        report = import_building(connection, map_name, building, advance)
-    if as_json:
-        print_json(asdict(report))
-    else:
-        for line in report_lines(report):
-            typer.echo(line)
-
-
-def report_lines(report: ImportReport) -> list[str]:
-    """What an import did, for people."""
-    counts = ", ".join(f"{count} {concept}" for concept, count in report.concepts.items())
-    lines = [f"Imported into map {report.map}: {counts}."]
-    for rooms, count in report.doors.items():
-        lines.append(f"  Doors and openings that join {counted(rooms, 'room')}: {count}")
-    lines += [f"  {finding.action}: {finding.subject}: {finding.reason}" for finding in report.findings]
-    return lines
 
 
 def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -121,10 +71,9 @@ def show(
 
 def create(name: MapName, cell: Cell = 4.0, dsn: Dsn = None) -> None:
     """Make an empty map, with its query track_in_room and its rule room_visits."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+    with database(dsn) as opened, signed_edit(opened, f"semap map create {name}") as connection:
         create_map(connection, name, cell)
     typer.echo(f"Map {name} made.")
 
@@ -135,11 +84,10 @@ def delete(
     dsn: Dsn = None,
 ) -> None:
     """Delete a map with everything on it: instances, tracks, relations, events."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import delete_map  # noqa: PLC0415
 
     if not yes:
         typer.confirm(f"Delete map {name} with its tracks and events?", abort=True)
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+    with database(dsn) as opened, signed_edit(opened, f"semap map delete {name}") as connection:
         delete_map(connection, name)
     typer.echo(f"Map {name} deleted.")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
 
 Dsn = Annotated[
     str | None,
@@ -16,6 +19,13 @@ Dsn = Annotated[
         show_default=False,
         metavar="DSN",
         help="A PostGIS server of your own, as 'host=... dbname=...' or postgresql://...",
+    ),
+]
+MapName = Annotated[str, typer.Argument(metavar="MAP", help="Name of the map.")]
+Cell = Annotated[
+    float,
+    typer.Option(
+        help="Side of the cells of the spatial index [m]: 4 for a building, 100 for a farm.", min=0.1
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
@@ -57,3 +67,23 @@ def own_database(name: str = DATABASE) -> Iterator[str]:
         if not current:
             migrate(own)
         yield own
+
+
+@contextmanager
+def signed_edit(dsn: str, message: str) -> Iterator[Connection]:
+    """A transaction that changes the map; its history says which user of this machine did what."""
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.history import sign  # noqa: PLC0415
+
+    with one_transaction(dsn, "semap_api") as connection:
+        sign(connection, _user(), message)
+        yield connection
+
+
+def _user() -> str:
+    import getpass  # noqa: PLC0415
+
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "semap"

@@ -2,22 +2,51 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-from pydantic import Field
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Response
+from pydantic import Field, model_validator
+from sqlalchemy import Connection
 
 from semap.store import concept
 from semap_service.document import Document, Name, Request
+from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, Edit, Write, transaction
 
-router = APIRouter(tags=["concepts"])
+router = APIRouter(tags=["concepts"], route_class=TaggedRoute)
+
+Parents = Annotated[
+    list[Name],
+    Field(min_length=1, max_length=50, description="Concepts right above it.", examples=[["Room"]]),
+]
+Iris = Annotated[
+    list[Annotated[str, Field(max_length=2000, pattern=r"^[a-z][a-z0-9+.-]*:[^\x00]*$")]],
+    Field(
+        max_length=50,
+        description="What it is called elsewhere: IFC, BOT, Brick.",
+        examples=[["https://w3id.org/bot#Space"]],
+    ),
+]
+Comment = Annotated[str, Field(max_length=10_000, pattern=r"^[^\x00]*$")]
+AttributeSchema = Annotated[
+    dict[str, Any],
+    Field(
+        description="JSON Schema (2020-12) that attributes of its instances, and of those below, follow.",
+        examples=[{"type": "object", "properties": {"seats": {"type": "integer", "minimum": 1}}}],
+    ),
+]
 
 
 class ConceptDocument(Document):
     """A kind of thing."""
 
     name: str = Field(examples=["Room"])
-    parent: str | None = Field(description="null for the root only.", examples=["Space"])
+    parents: list[str] = Field(description="Concepts right above it; none for the root only.")
+    iris: list[str]
+    comment: str | None
+    attribute_schema: AttributeSchema | None
 
 
 class ConceptList(Document):
@@ -27,20 +56,87 @@ class ConceptList(Document):
 class NewConcept(Request):
     """A concept to be made."""
 
-    name: Name = Field(examples=["Kitchen"])
-    parent: Name = Field("Thing", examples=["Room"])
+    name: Annotated[Name, Field(pattern=r"^[^/\x00]*$", description="Without a slash.", examples=["Kitchen"])]
+    parents: Parents = Field(default_factory=lambda: [concept.ROOT])
+    iris: Iris = Field(default_factory=list)
+    comment: Comment | None = None
+    attribute_schema: AttributeSchema | None = None
 
 
-@router.get("/concepts", operation_id="list_concepts", responses=problems())
+class ConceptChanges(Request):
+    """What to change; what is left out stays as it is."""
+
+    parents: Parents | None = None
+    iris: Iris | None = None
+    comment: Comment | None = Field(None, description="An empty one removes it.")
+    attribute_schema: AttributeSchema | None = Field(None, description="{} allows everything.")
+
+    @model_validator(mode="after")
+    def _nothing_is_null(self) -> ConceptChanges:
+        for name in self.model_fields_set:
+            if getattr(self, name) is None:
+                raise ValueError(f"{name} cannot be null; leave it out to keep it")
+        return self
+
+
+@router.get("/concepts", operation_id="list_concepts", responses=reads())
 def list_concepts(database: Database) -> ConceptList:
     """The taxonomy: what kinds of things there are, and what they are kinds of."""
     with transaction(database) as connection:
         found = concept.list_concepts(connection)
-    return ConceptList(concepts=[ConceptDocument.model_validate(each) for each in found])
+    return ConceptList(concepts=[_document(each) for each in found])
 
 
 @router.post("/concepts", operation_id="create_concept", status_code=201, responses=problems(409))
-def create_concept(database: Database, new: NewConcept) -> ConceptDocument:
-    """Make a concept below another one. What is asked of a concept holds for those below it."""
+def create_concept(write: Write, new: NewConcept, response: Response) -> ConceptDocument:
+    """Make a concept below others. What is asked of a concept holds for those below it."""
+    wanted = concept.Concept(
+        0, new.name, tuple(new.parents), tuple(new.iris), new.comment, new.attribute_schema
+    )
+    with write.begin() as connection:
+        made = concept.create_concept(connection, wanted)
+    response.headers["Location"] = f"/concepts/{quote(made.name, safe='')}"
+    return _document(made)
+
+
+@router.get("/concepts/{name}", operation_id="get_concept", responses=reads(404))
+def get_concept(database: Database, name: str) -> ConceptDocument:
+    """A concept, with what is right above it."""
     with transaction(database) as connection:
-        return ConceptDocument.model_validate(concept.create_concept(connection, new.name, new.parent))
+        return _read(connection, name)
+
+
+@router.patch("/concepts/{name}", operation_id="change_concept", responses=edits(404, 409))
+def change_concept(edit: Edit, name: str, changes: ConceptChanges) -> ConceptDocument:
+    """Change a concept. Where it moves in the taxonomy, relations of queries follow."""
+    with edit.begin(lambda connection: _read(connection, name)) as connection:
+        changed = concept.change_concept(
+            connection,
+            name,
+            parents=changes.parents,
+            iris=changes.iris,
+            comment=changes.comment,
+            attribute_schema=changes.attribute_schema,
+        )
+    return _document(changed)
+
+
+@router.delete("/concepts/{name}", operation_id="delete_concept", status_code=204, responses=edits(404, 409))
+def delete_concept(edit: Edit, name: str) -> None:
+    """Delete a concept; those below it are below its parents from then on. One that is used is refused."""
+    with edit.begin(lambda connection: _read(connection, name)) as connection:
+        concept.delete_concept(connection, name)
+
+
+def _read(connection: Connection, name: str) -> ConceptDocument:
+    return _document(concept.get_concept(connection, name))
+
+
+def _document(found: concept.Concept) -> ConceptDocument:
+    return ConceptDocument(
+        name=found.name,
+        parents=list(found.parents),
+        iris=list(found.iris),
+        comment=found.comment,
+        attribute_schema=None if found.attribute_schema is None else dict(found.attribute_schema),
+    )

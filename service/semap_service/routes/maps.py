@@ -8,13 +8,15 @@ from uuid import UUID
 
 from fastapi import APIRouter, Query, Response
 from pydantic import Field
+from sqlalchemy import Connection
 
 from semap.store import maps
 from semap_service.document import Document, Limit, Name, Request, Stamp
+from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, Edit, Write, transaction
 
-router = APIRouter(tags=["maps"])
+router = APIRouter(tags=["maps"], route_class=TaggedRoute)
 
 
 class MapDocument(Document):
@@ -40,7 +42,7 @@ class NewMap(Request):
     cell_m: float = Field(4.0, ge=0.1, le=1e6, description="About the size of a room [m].")
 
 
-@router.get("/maps", operation_id="list_maps", responses=problems())
+@router.get("/maps", operation_id="list_maps", responses=reads())
 def list_maps(
     database: Database,
     limit: Limit = 100,
@@ -58,23 +60,27 @@ def list_maps(
 
 
 @router.post("/maps", operation_id="create_map", status_code=201, responses=problems(409))
-def create_map(database: Database, new: NewMap, response: Response) -> MapDocument:
+def create_map(write: Write, new: NewMap, response: Response) -> MapDocument:
     """Make a map, with its frame `map`, a query for what is in rooms, and a rule that makes events of it."""
-    with transaction(database) as connection:
+    with write.begin() as connection:
         made = maps.create_map(connection, new.name, new.cell_m)
     response.headers["Location"] = f"/maps/{quote(made.name, safe='')}"
     return MapDocument.model_validate(made)
 
 
-@router.get("/maps/{name}", operation_id="get_map", responses=problems(404))
+@router.get("/maps/{name}", operation_id="get_map", responses=reads(404))
 def get_map(database: Database, name: str) -> MapDocument:
     """A map with how much is on it."""
     with transaction(database) as connection:
-        return MapDocument.model_validate(maps.get_map(connection, name))
+        return _read(connection, name)
 
 
-@router.delete("/maps/{name}", operation_id="delete_map", status_code=204, responses=problems(404))
-def delete_map(database: Database, name: str) -> None:
+@router.delete("/maps/{name}", operation_id="delete_map", status_code=204, responses=edits(404))
+def delete_map(edit: Edit, name: str) -> None:
     """Delete a map with all that is on it and all that happened on it."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _read(connection, name)) as connection:
         maps.delete_map(connection, name)
+
+
+def _read(connection: Connection, name: str) -> MapDocument:
+    return MapDocument.model_validate(maps.get_map(connection, name))

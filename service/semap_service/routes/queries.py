@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 from pydantic import Field
+from sqlalchemy import Connection
 
 from semap.store import queries
 from semap.store.maps import get_map
@@ -18,10 +19,11 @@ from semap_service.document import (
     SmallId,
     next_after,
 )
+from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, Edit, Write, transaction
 
-router = APIRouter(tags=["queries"])
+router = APIRouter(tags=["queries"], route_class=TaggedRoute)
 
 
 class QueryDocument(Document):
@@ -52,7 +54,7 @@ class QueryChanges(Request):
     enabled: bool = Field(description="false ends all its relations; true keeps them again.")
 
 
-@router.get("/queries", operation_id="list_queries", responses=problems(404))
+@router.get("/queries", operation_id="list_queries", responses=reads(404))
 def list_queries(
     database: Database, map_name: MapFilter = None, limit: Limit = 100, after: After = 0
 ) -> QueryList:
@@ -67,33 +69,37 @@ def list_queries(
 
 
 @router.post("/queries", operation_id="add_query", status_code=201, responses=problems(404, 409))
-def add_query(database: Database, new: NewQuery, response: Response) -> QueryDocument:
+def add_query(write: Write, new: NewQuery, response: Response) -> QueryDocument:
     """Keep relations to another kind of thing. Those that hold now hold with the answer."""
-    with transaction(database) as connection:
+    with write.begin() as connection:
         made = queries.add_query(connection, new.map, new.name, new.concept)
     response.headers["Location"] = f"/queries/{made.query_id}"
     return _document(made)
 
 
-@router.get("/queries/{id}", operation_id="get_query", responses=problems(404))
+@router.get("/queries/{id}", operation_id="get_query", responses=reads(404))
 def get_query(database: Database, id: SmallId) -> QueryDocument:  # noqa: A002
     """A continuous query."""
     with transaction(database) as connection:
-        return _document(queries.get_query(connection, id))
+        return _read(connection, id)
 
 
-@router.patch("/queries/{id}", operation_id="change_query", responses=problems(404))
-def change_query(database: Database, id: SmallId, changes: QueryChanges) -> QueryDocument:  # noqa: A002
+@router.patch("/queries/{id}", operation_id="change_query", responses=edits(404))
+def change_query(edit: Edit, id: SmallId, changes: QueryChanges) -> QueryDocument:  # noqa: A002
     """Let a query rest, or work again."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
         return _document(queries.enable_query(connection, id, changes.enabled))
 
 
-@router.delete("/queries/{id}", operation_id="delete_query", status_code=204, responses=problems(404, 409))
-def delete_query(database: Database, id: SmallId) -> None:  # noqa: A002
+@router.delete("/queries/{id}", operation_id="delete_query", status_code=204, responses=edits(404, 409))
+def delete_query(edit: Edit, id: SmallId) -> None:  # noqa: A002
     """Delete a query; its relations end. One that a rule reads is refused."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
         queries.delete_query(connection, id)
+
+
+def _read(connection: Connection, query_id: int) -> QueryDocument:
+    return _document(queries.get_query(connection, query_id))
 
 
 def _document(query: queries.Query) -> QueryDocument:

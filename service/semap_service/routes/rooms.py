@@ -8,6 +8,7 @@ from pydantic import Field
 from semap.store import relations
 from semap.store.instances import get_instance
 from semap.store.maps import get_map
+from semap_service.crs import Crs, footprint_in
 from semap_service.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
 from semap_service.problem import problems
 from semap_service.routes.instance_document import (
@@ -66,12 +67,12 @@ def list_rooms(
     )
 
 
-@router.get("/rooms/{id}", operation_id="get_room", responses=problems(404))
-def get_room(database: Database, id: Id) -> RoomDocument:  # noqa: A002
+@router.get("/rooms/{id}", operation_id="get_room", responses=problems(404, 409))
+def get_room(database: Database, id: Id, crs: Crs = None) -> RoomDocument:  # noqa: A002
     """A room with its outline."""
     with transaction(database) as connection:
         room = relations.get_room(connection, id)
-        document = detail(get_instance(connection, id))
+        document = detail(footprint_in(connection, get_instance(connection, id), crs), crs)
     return RoomDocument(**dict(document), occupants=room.occupants)
 
 

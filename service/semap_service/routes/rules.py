@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Response
 from pydantic import Field
+from sqlalchemy import Connection
 
 from semap.rules.declaration import parse_declaration
 from semap.store import rules
@@ -21,10 +22,11 @@ from semap_service.document import (
     SmallId,
     next_after,
 )
+from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, Edit, Write, transaction
 
-router = APIRouter(tags=["rules"])
+router = APIRouter(tags=["rules"], route_class=TaggedRoute)
 
 EXAMPLE = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
 Declaration = Annotated[
@@ -65,7 +67,7 @@ class RuleChanges(Request):
     declaration: Declaration | None = None
 
 
-@router.get("/rules", operation_id="list_rules", responses=problems(404))
+@router.get("/rules", operation_id="list_rules", responses=reads(404))
 def list_rules(
     database: Database, map_name: MapFilter = None, limit: Limit = 100, after: After = 0
 ) -> RuleList:
@@ -80,26 +82,26 @@ def list_rules(
 
 
 @router.post("/rules", operation_id="add_rule", status_code=201, responses=problems(404, 409))
-def add_rule(database: Database, new: NewRule, response: Response) -> RuleDocument:
+def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
     """Make events of relations that begin or end from now on."""
     declared = parse_declaration({"name": new.name, **new.declaration})
-    with transaction(database) as connection:
+    with write.begin() as connection:
         made = rules.add_rule(connection, new.map, declared)
     response.headers["Location"] = f"/rules/{made.rule_id}"
     return _document(made)
 
 
-@router.get("/rules/{id}", operation_id="get_rule", responses=problems(404))
+@router.get("/rules/{id}", operation_id="get_rule", responses=reads(404))
 def get_rule(database: Database, id: SmallId) -> RuleDocument:  # noqa: A002
     """A rule."""
     with transaction(database) as connection:
-        return _document(rules.get_rule(connection, id))
+        return _read(connection, id)
 
 
-@router.patch("/rules/{id}", operation_id="change_rule", responses=problems(404, 409))
-def change_rule(database: Database, id: SmallId, changes: RuleChanges) -> RuleDocument:  # noqa: A002
+@router.patch("/rules/{id}", operation_id="change_rule", responses=edits(404, 409))
+def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument:  # noqa: A002
     """Let a rule rest or work, or declare something else; that holds for what happens from now on."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
         rule = rules.get_rule(connection, id)
         if changes.declaration is not None:
             rule = rules.declare_rule(connection, id, parse_declaration(changes.declaration, rule.name))
@@ -108,11 +110,15 @@ def change_rule(database: Database, id: SmallId, changes: RuleChanges) -> RuleDo
     return _document(rule)
 
 
-@router.delete("/rules/{id}", operation_id="delete_rule", status_code=204, responses=problems(404))
-def delete_rule(database: Database, id: SmallId) -> None:  # noqa: A002
+@router.delete("/rules/{id}", operation_id="delete_rule", status_code=204, responses=edits(404))
+def delete_rule(edit: Edit, id: SmallId) -> None:  # noqa: A002
     """Delete a rule; the events that it made stay."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
         rules.delete_rule(connection, id)
+
+
+def _read(connection: Connection, rule_id: int) -> RuleDocument:
+    return _document(rules.get_rule(connection, rule_id))
 
 
 def _document(rule: rules.Rule) -> RuleDocument:

@@ -1,0 +1,81 @@
+"""Files of whole maps, brought into the database: for the service and for the command line."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from sqlalchemy import Connection
+
+from semap.errors import InvalidInput, NotFound
+from semap.formats import read_building, read_map
+from semap.model.building import Building
+from semap.model.map_document import MapDocument
+from semap.store.building import DOOR, ImportReport, import_building
+from semap.store.map_import import import_map
+from semap.store.maps import create_map, list_maps
+from semap_service.archive import unpack
+
+MAP_FILE = "map.yaml"
+MAP_SUFFIXES = (".yaml", ".yml", ".zip")
+
+Progress = Callable[[int, int], None]
+
+
+def read_file(
+    path: Path, progress: Progress | None = None, scratch: Path | None = None
+) -> MapDocument | Building:
+    """A map (a folder, .yaml or .zip) or a building (.geojson, .ifc, .gml, ...) by its suffix.
+
+    scratch  an empty folder to unpack a .zip into; without one a .zip is refused
+    raises   NotFound, TooLarge, InvalidInput
+    """
+    if path.suffix.lower() == ".zip":
+        if scratch is None:
+            raise InvalidInput("a .zip file", "Unpack it, and give the folder.", str(path))
+        if not path.is_file():
+            raise NotFound("file", path, "Check the path.")
+        unpack(path, scratch)
+        path = _folder_of_map(scratch)
+    if path.is_dir() or path.suffix.lower() in MAP_SUFFIXES:
+        return read_map(path)
+    return read_building(path, progress)
+
+
+def bring_in(
+    connection: Connection,
+    found: MapDocument | Building,
+    name: str | None,
+    default_name: str,
+    cell_m: float = 4.0,
+    progress: Progress | None = None,
+) -> ImportReport:
+    """Bring what was read into the database: a map as a new one, a building into a map that may exist.
+
+    name          of the map; None: what a map calls itself, or the default
+    raises        Conflict, InvalidInput
+    """
+    wanted = name or (found.name if isinstance(found, MapDocument) else default_name)
+    if "/" in wanted:
+        raise InvalidInput(f"a map named {wanted!r}", "Choose a name without a slash.", "name")
+    if isinstance(found, MapDocument):
+        document = replace(found, name=wanted)
+        import_map(connection, document)
+        concepts = Counter(each.concept for each in document.instances)
+        doors = Counter(len(each.joins) for each in document.instances if each.concept == DOOR or each.joins)
+        return ImportReport(document.name, dict(sorted(concepts.items())), dict(sorted(doors.items())), ())
+    if wanted not in {known.name for known in list_maps(connection)}:
+        create_map(connection, wanted, cell_m)
+    return import_building(connection, wanted, found, progress)
+
+
+def _folder_of_map(folder: Path) -> Path:
+    """The folder with the map's file: this one, or the only one in it."""
+    if (folder / MAP_FILE).is_file():
+        return folder
+    inner = [each for each in folder.iterdir() if (each / MAP_FILE).is_file()]
+    if len(inner) != 1:
+        raise NotFound("file", MAP_FILE, "Zip the folder of the map, with its map.yaml at the top.")
+    return inner[0]

@@ -1,0 +1,159 @@
+"""/maps/import and /maps/{name}/export: whole maps as files"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePath
+from typing import Annotated, Literal
+from urllib.parse import quote
+
+from fastapi import APIRouter, File, Query, Response, UploadFile
+from fastapi.responses import FileResponse
+from pydantic import Field
+from sqlalchemy import Connection
+from starlette.background import BackgroundTask
+
+from semap.errors import InvalidInput, NotFound
+from semap.formats import write_map
+from semap.formats.gltf import write_gltf
+from semap.store.database import see_one_state
+from semap.store.map_export import export_map, placed_instances
+from semap_service.archive import pack
+from semap_service.crs import Crs
+from semap_service.document import Document, Name
+from semap_service.map_file import bring_in, read_file
+from semap_service.mesh_upload import FindingDocument
+from semap_service.placed_geojson import placed_geojson
+from semap_service.problem import problems
+from semap_service.transaction import Database, Write, transaction
+
+router = APIRouter(tags=["maps"])
+
+ExportFormat = Literal["yaml", "glb", "geojson"]
+MEDIA_TYPES: dict[ExportFormat, str] = {
+    "yaml": "application/zip",
+    "glb": "model/gltf-binary",
+    "geojson": "application/geo+json",
+}
+SUFFIXES: dict[ExportFormat, str] = {"yaml": "zip", "glb": "glb", "geojson": "geojson"}
+LONGEST_SUFFIX = 12
+FILE = (
+    "A map: .yaml, or .zip of its folder as an export gives it; or a building: .geojson, .ifc or .gml. "
+    "At most 64 MiB."
+)
+
+
+class DoorCount(Document):
+    rooms: int = Field(description="How many rooms they join.")
+    doors: int
+
+
+class ImportDocument(Document):
+    """What an import brought into the map, and what it had to change or leave out."""
+
+    map: str = Field(examples=["office"])
+    concepts: dict[str, int] = Field(
+        description="How many instances of each concept.", examples=[{"Room": 6}]
+    )
+    doors: list[DoorCount]
+    findings: list[FindingDocument]
+
+
+@router.post("/maps/import", operation_id="import_map", status_code=201, responses=problems(400, 409, 413))
+def import_file(
+    write: Write,
+    file: Annotated[UploadFile, File(description=FILE)],
+    response: Response,
+    name: Annotated[
+        Name | None,
+        Query(pattern=r"^[^/\x00]*$", description="Of the map. [default: what the file says, or its name]"),
+    ] = None,
+) -> ImportDocument:
+    """Bring in a map or a building, all of it or nothing.
+
+    A map becomes a new one. A building goes into the map of the name, which is made if there is none.
+    """
+    given = PurePath(file.filename or "").name
+    suffix = PurePath(given).suffix
+    if not suffix[1:].isalnum() or len(suffix) > LONGEST_SUFFIX:
+        raise InvalidInput("a file whose name does not say its format", "Name it as map.zip or office.ifc.")
+    with _folder() as folder:
+        path = folder / f"upload{suffix}"
+        with path.open("wb") as copy:
+            shutil.copyfileobj(file.file, copy)
+        scratch = folder / "unpacked"
+        scratch.mkdir()
+        try:
+            found = read_file(path, scratch=scratch)
+        except (InvalidInput, NotFound) as error:
+            told = str(error).replace(f"{scratch}/", "").replace(str(path), given)
+            raise InvalidInput(told, error.remedy) from error
+    with write.begin() as connection:
+        report = bring_in(connection, found, name, PurePath(given).stem)
+    response.headers["Location"] = f"/maps/{quote(report.map, safe='')}"
+    return ImportDocument(
+        map=report.map,
+        concepts=dict(report.concepts),
+        doors=[DoorCount(rooms=rooms, doors=doors) for rooms, doors in report.doors.items()],
+        findings=[FindingDocument.model_validate(each) for each in report.findings],
+    )
+
+
+@router.get(
+    "/maps/{name}/export",
+    operation_id="export_map",
+    response_class=Response,
+    responses={
+        **problems(404, 409),
+        200: {"description": "The file.", "content": {each: {} for each in MEDIA_TYPES.values()}},
+    },
+)
+def export(
+    database: Database,
+    name: str,
+    format: Annotated[  # noqa: A002
+        ExportFormat,
+        Query(
+            description="yaml: the whole map without loss, a zip of map.yaml and meshes; "
+            "glb: what it looks like; geojson: its outlines."
+        ),
+    ] = "yaml",
+    crs: Crs = None,
+) -> Response:
+    """A whole map as a file. `crs` is for geojson only."""
+    if crs is not None and format != "geojson":
+        raise InvalidInput(f"{format} in another system", "Ask for geojson.", "crs")
+    named = f"attachment; filename*=UTF-8''{quote(name, safe='')}.{SUFFIXES[format]}"
+    headers = {"Content-Disposition": named}
+    with transaction(database) as connection:
+        see_one_state(connection)
+        if format == "yaml":
+            return _zipped(connection, name, headers)
+        placed = placed_instances(connection, name)
+        document = placed_geojson(connection, name, placed, crs) if format == "geojson" else None
+    body = write_gltf(placed) if document is None else json.dumps(document, ensure_ascii=False).encode()
+    return Response(body, media_type=MEDIA_TYPES[format], headers=headers)
+
+
+def _zipped(connection: Connection, name: str, headers: dict[str, str]) -> FileResponse:
+    document = export_map(connection, name)
+    folder = Path(tempfile.mkdtemp(prefix="semap-export-"))
+    try:
+        write_map(document, folder / "map")
+        pack(folder / "map", folder / "map.zip")
+        shutil.rmtree(folder / "map")
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    gone = BackgroundTask(shutil.rmtree, folder, ignore_errors=True)
+    return FileResponse(folder / "map.zip", media_type=MEDIA_TYPES["yaml"], headers=headers, background=gone)
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="semap-import-") as folder:
+        yield Path(folder)
