@@ -93,6 +93,22 @@ def test_a_map_by_hand_is_moved_and_mended(semap: Semap, done: Callable[..., str
     assert "map_anchor" in done("map", "history", "hut", "--change", str(newest["change_set_id"]))
 
 
+def test_a_grid_is_a_backdrop(semap: Semap, done: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "floor.pgm").write_bytes(b"P5\n3 2\n255\n" + bytes([0, 100, 205, 254, 255, 1]))
+    (tmp_path / "floor.yaml").write_text(
+        "image: floor.pgm\nresolution: 0.05\norigin: [-1.5, 2.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    done("map", "create", "office")
+    assert "has no grids" in done("map", "grid", "office")
+    added = json.loads(done("map", "grid", "office", tmp_path / "floor.yaml", "--name", "ground", "--json"))
+    assert added == [
+        {"name": "ground", "width": 3, "height": 2, "resolution_m": 0.05, "origin": [-1.5, 2.0, 0.0]}
+    ]
+    assert semap("map", "grid", "office", "--remove", "floor")[0] == 2
+    assert "has no grids" in done("map", "grid", "office", "--remove", "ground")
+
+
 def test_concepts(done: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "schema.json").write_text(json.dumps(SCHEMA))
     made = done("concept", "add", "Sofa", "--parent", "Furniture", "--parent", "Chair",

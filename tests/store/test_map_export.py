@@ -154,6 +154,24 @@ def test_a_building_goes_through_files_and_is_equal(engine: Engine, tmp_path: Pa
             assert a.footprint.symmetric_difference(b.footprint).area < 1e-9
 
 
+def test_a_map_written_by_hand_comes_out_equal(engine: Engine, tmp_path: Path) -> None:
+    """The first example of the documentation, as it stands there."""
+    teaching = (Path(__file__).parents[2] / "docs" / "map-format.md").read_text()
+    (tmp_path / "map.yaml").write_text(teaching.split("```yaml\n")[1].split("```")[0])
+    with engine.begin() as connection:
+        written = read_map(tmp_path / "map.yaml")
+        import_map(connection, written)
+        exported = export_map(connection, "office")
+        write_map(exported, tmp_path / "again")
+        import_map(connection, replace(read_map(tmp_path / "again"), name="again"))
+        assert plain(replace(export_map(connection, "again"), name="office")) == plain(exported)
+        placed = {each.entry.name: each for each in placed_instances(connection, "again")}
+    assert {each.name for each in written.instances} == set(placed)
+    lamp = placed["Lamp1"]
+    assert (lamp.pose.x_m, lamp.pose.y_m, lamp.pose.z_m) == pytest.approx((2, 1.3, 0.75))
+    assert lamp.entry.attributes == {"watts": 7, "tags": ["desk"]}
+
+
 @pytest.mark.parametrize(
     ("changed", "match"),
     [

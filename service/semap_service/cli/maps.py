@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli import anchor, exchange, frames, history
+from semap_service.cli import anchor, exchange, frames, grids, history
 from semap_service.cli.output import print_rows
 from semap_service.cli.session import AsJson, Cell, Dsn, MapName, database, signed_edit
 
@@ -25,6 +25,7 @@ def commands() -> typer.Typer:
     app.command("frames")(frames.frames)
     app.command("transform")(frames.transform)
     app.command("anchor")(anchor.anchor)
+    app.command("grid")(grids.grid)
     app.command("history")(history.history)
     app.command("undo")(history.undo)
     return app
