@@ -58,17 +58,13 @@ do $$
 declare
   v_table  text;
 begin
-  foreach v_table in array array['concept_parent', 'frame', 'frame_pose', 'description', 'geometry', 'abstraction',
-                                 'instance', 'door_room', 'continuous_query'] loop
+  foreach v_table in array array['map', 'map_anchor', 'concept', 'concept_parent', 'concept_iri', 'frame', 'frame_pose', 'description',
+                                 'geometry', 'abstraction', 'instance', 'door_room', 'continuous_query'] loop
     execute format('create or replace trigger lock_regions before insert or update or delete on semap.%I'
                    ' for each statement execute function semap.lock_regions()', v_table);
   end loop;
 end $$;
 
-create or replace trigger lock_regions before update or delete on semap.concept
-  for each statement execute function semap.lock_regions();
-create or replace trigger lock_regions before delete on semap.map
-  for each statement execute function semap.lock_regions();
 create or replace trigger lock_regions before delete on semap.source
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions before delete or update of ended_at on semap.track

@@ -78,11 +78,24 @@ end $$;
 comment on function semap.transform is
   'a_T_b between any two frames of one tree at a time (infinity: now): maps points of b to a.';
 
+-- Refuse the root of a map's things, which all of them stand on.
+create or replace function semap.require_movable(p_frame_id bigint) returns void
+language plpgsql stable as $$
+begin
+  if exists (select from semap.frame where frame_id = p_frame_id and parent_id is null and name = 'map') then
+    raise exception 'The root frame of a map stays as it is.'
+      using errcode = 'unique_violation', hint = 'Work with a frame below it.';
+  end if;
+end $$;
+comment on function semap.require_movable is
+  'Refuse the root of a map''s things, which all of them stand on.';
+
 -- Set parent_T_frame from a time on ('-infinity': as its static pose).
 create or replace function semap.set_transform(
   p_frame_id bigint, p_pose semap.pose, p_stamp timestamptz default '-infinity'
 ) returns void
 language sql as $$
+  select semap.require_movable(p_frame_id);
   insert into semap.frame_pose (frame_id, stamp, x_m, y_m, z_m, qx, qy, qz, qw)
   select p_frame_id, p_stamp, semap.snapped((p_pose).x_m), semap.snapped((p_pose).y_m), semap.snapped((p_pose).z_m),
          qx / length, qy / length, qz / length, qw / length
@@ -96,14 +109,20 @@ $$;
 comment on function semap.set_transform is
   'Set parent_T_frame from a time on (-infinity: as its static pose).';
 
--- Put a frame below another one: it stays where it is in the world, at each of its stamps, or keeps its
+-- Put a frame below another one: it stays where it is in the world, now and where it was at each of its stamps, or keeps its
 -- local transform and moves with its new parent.
 create or replace function semap.change_frame(p_frame_id bigint, p_parent_id bigint, p_keep_world boolean default true)
 returns void
 language plpgsql as $$
 begin
   perform semap.change_regions();
+  perform semap.require_movable(p_frame_id);
   if p_keep_world then
+    -- where the new parent was nowhere, the frame is from then on nowhere too
+    delete from semap.frame_pose p
+    where p.frame_id = p_frame_id and p_parent_id is not null and p.stamp > '-infinity'
+      and p.stamp < (select max(stamp) from semap.frame_pose where frame_id = p_frame_id)
+      and not coalesce((select pose is not null from semap.frames_in_root(array[p_parent_id], p.stamp)), false);
     update semap.frame_pose p
     set x_m = (new.pose).x_m, y_m = (new.pose).y_m, z_m = (new.pose).z_m,
         qx = (new.pose).qx, qy = (new.pose).qy, qz = (new.pose).qz, qw = (new.pose).qw
@@ -113,7 +132,7 @@ begin
                case when p_parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose
                     else semap.inverse((select pose from semap.frames_in_root(array[p_parent_id], old.at))) end,
                (select pose from semap.frames_in_root(array[p_frame_id], old.at))) as pose
-      from (select stamp, case when stamp = '-infinity' then 'infinity' else stamp end as at
+      from (select stamp, case when stamp = '-infinity' or stamp = max(stamp) over () then 'infinity' else stamp end as at
             from semap.frame_pose where frame_id = p_frame_id) old
     ) new
     where p.frame_id = p_frame_id and p.stamp = new.stamp and new.pose is not null;

@@ -167,7 +167,9 @@ comment on function semap.place_instances is
 create or replace function semap.instance_grounded() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  if new.absolute_description_id is null then
+  -- an insert that ends as an update of its row has one already
+  if new.absolute_description_id is null
+     and not exists (select from semap.instance where instance_id = new.instance_id) then
     insert into semap.description (map_id, is_absolute) values (new.map_id, true)
     returning description_id into new.absolute_description_id;
   end if;
@@ -183,6 +185,10 @@ create or replace trigger instance_grounded before insert on semap.instance
 create or replace function semap.instance_placed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
+  if exists (select from new_row n join semap.frame f using (frame_id) where f.map_id <> n.map_id) then
+    raise exception 'An instance stands on a frame of its own map.'
+      using errcode = 'check_violation', hint = 'Name a frame of the same map.';
+  end if;
   if tg_op = 'INSERT' then
     perform semap.place_instances(array_agg(instance_id)) from new_row where relative_description_id is not null;
   else

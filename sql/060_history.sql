@@ -1,6 +1,6 @@
 -- Every change of the map is kept: each version of each row, in change sets of one transaction each. What is derived
--- from other rows is not, but for the footprints, so that a map of the past can be shown. Stamped poses are a
--- history by themselves. Edits of a map are one at a time, so that change sets come in the order of their stamps.
+-- from other rows is not, but for the footprints, so that a map of the past can be shown. Edits of a map are one at
+-- a time, so that change sets come in the order of their stamps.
 
 -- The change set of this transaction, begun with its first change. `semap.author` and `semap.message` say who and why.
 create or replace function semap.current_change_set() returns bigint
@@ -8,7 +8,8 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_id  bigint := nullif(current_setting('semap.change_set', true), '')::bigint;
 begin
-  if v_id is null then
+  -- the setting is anybody's: what it names must have begun within this transaction
+  if v_id is null or not exists (select from semap.change_set where change_set_id = v_id and made_at >= now()) then
     insert into semap.change_set (made_at, author, message, undoes_id)
     values (clock_timestamp(), coalesce(nullif(current_setting('semap.author', true), ''), session_user),
             nullif(current_setting('semap.message', true), ''), nullif(current_setting('semap.undoes', true), '')::bigint)
@@ -29,7 +30,7 @@ create or replace view semap.kept_table as
     (4, 'map', 'map_id', 'r.map_id', 'true', null),
     (5, 'map_anchor', 'map_id', 'r.map_id', 'true', null),
     (6, 'frame', 'frame_id', 'r.map_id', 'true', null),
-    (7, 'frame_pose', 'frame_id', 'semap.map_of_row(''frame'', r.frame_id)', 'r.stamp = ''-infinity''', null),
+    (7, 'frame_pose', 'frame_id, stamp', 'semap.map_of_row(''frame'', r.frame_id)', 'true', null),
     (8, 'description', 'description_id', 'r.map_id', 'not r.is_absolute', null),
     (9, 'geometry', 'geometry_id', 'semap.map_of_row(''description'', r.description_id)', 'true', 'body'),
     (10, 'instance', 'instance_id', 'r.map_id', 'true', null),
@@ -71,7 +72,7 @@ begin
     v_key := 'concat_ws(''/'', r.' || replace(v_table.key, ', ', ', r.') || ')';
     execute format($f$
       create or replace function semap.keep_%1$s() returns trigger
-      language plpgsql security definer set search_path = public, pg_temp as $b$
+      language plpgsql security definer set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $b$
       declare
         v_set  bigint;
       begin
@@ -136,42 +137,55 @@ $$;
 comment on function semap.rows_as_of is
   'The rows of a table as they were at a time, those of one map or (null) of none in particular.';
 
--- The instances of a map as they were at a time, with where they stood and their footprints.
-create or replace function semap.instances_as_of(p_map_id integer, p_at timestamptz)
-returns table (
+-- The instances of a map as they were at a time, or one of them, with where they stood and their footprints. A frame
+-- stood where the newest pose that was known then says.
+create or replace function semap.instances_as_of(
+  p_map_id integer, p_at timestamptz, p_instance_id bigint default null, p_after bigint default 0, p_limit bigint default null
+) returns table (
   instance_id bigint, uid uuid, name text, alias text, concept text, storey text, attributes jsonb, pose semap.pose,
   footprint public.geometry, z_min_m double precision, z_max_m double precision
 )
 language sql stable as $$
-  with recursive frame as materialized (
-    select (f.content ->> 'frame_id')::bigint as frame_id, (f.content ->> 'parent_id')::bigint as parent_id,
-           coalesce((select semap.pose_at(p.frame_id, p_at) from semap.frame_pose p
-                     where p.frame_id = f.row_key::bigint and p.stamp > '-infinity' and p.stamp <= p_at limit 1),
-                    jsonb_populate_record(null::semap.pose, s.content)) as pose
-    from semap.rows_as_of('frame', p_map_id, p_at) f
-    left join semap.rows_as_of('frame_pose', p_map_id, p_at) s using (row_key)
-  ), placed (frame_id, pose) as (
-    select frame_id, pose from frame where parent_id is null
-    union all
-    select f.frame_id, semap.compose(p.pose, f.pose) from frame f join placed p on f.parent_id = p.frame_id
-  ), instance as materialized (
+  with recursive all_rows as materialized (
     select i.* from semap.rows_as_of('instance', p_map_id, p_at) r, jsonb_populate_record(null::semap.instance, r.content) i
+  ), wanted as materialized (
+    select * from all_rows i
+    where i.instance_id > p_after and (p_instance_id is null or i.instance_id = p_instance_id)
+    order by i.instance_id limit p_limit
+  ), frame as materialized (
+    select f.* from semap.rows_as_of('frame', p_map_id, p_at) r, jsonb_populate_record(null::semap.frame, r.content) f
+  ), stood as materialized (
+    select distinct on (p.frame_id) p.frame_id, jsonb_populate_record(null::semap.pose, r.content) as pose
+    from semap.rows_as_of('frame_pose', p_map_id, p_at) r, jsonb_populate_record(null::semap.frame_pose, r.content) p
+    order by p.frame_id, p.stamp desc
+  ), chain (frame_id, above_id, pose) as (
+    select f.frame_id, f.parent_id, s.pose
+    from frame f left join stood s using (frame_id) where f.frame_id in (select w.frame_id from wanted w)
+    union all
+    select c.frame_id, f.parent_id, semap.compose(s.pose, c.pose)
+    from chain c join frame f on f.frame_id = c.above_id left join stood s on s.frame_id = f.frame_id
+  ), concept as materialized (
+    select c.* from semap.rows_as_of('concept', null, p_at) r, jsonb_populate_record(null::semap.concept, r.content) c
+  ), outline as materialized (
+    select (r.content ->> 'instance_id')::bigint as instance_id, r.shape,
+           (r.content ->> 'z_min_m')::double precision as z_min_m, (r.content ->> 'z_max_m')::double precision as z_max_m
+    from semap.rows_as_of('abstraction', p_map_id, p_at) r
   )
-  select i.instance_id, i.uid, i.name, i.alias, c.content ->> 'name', s.name, i.attributes, p.pose, a.shape,
-         (a.content ->> 'z_min_m')::double precision, (a.content ->> 'z_max_m')::double precision
-  from instance i
-  left join placed p using (frame_id)
-  left join instance s on s.instance_id = i.storey_id
-  left join semap.rows_as_of('concept', null, p_at) c on c.row_key = i.concept_id::text
-  left join semap.rows_as_of('abstraction', p_map_id, p_at) a on (a.content ->> 'instance_id')::bigint = i.instance_id
+  select i.instance_id, i.uid, i.name, i.alias, c.name, s.name, i.attributes, p.pose, o.shape, o.z_min_m, o.z_max_m
+  from wanted i
+  left join chain p on p.frame_id = i.frame_id and p.above_id is null
+  left join all_rows s on s.instance_id = i.storey_id
+  left join concept c on c.concept_id = i.concept_id
+  left join outline o on o.instance_id = i.instance_id
 $$;
 comment on function semap.instances_as_of is
-  'The instances of a map as they were at a time, with where they stood and their footprints.';
+  'The instances of a map as they were at a time, or one of them, with where they stood and their footprints.';
 
 -- Put every row of a change set back to its version before, as a change set of its own, and say which descriptions
--- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since.
+-- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since,
+-- or where something that came later would go with a row.
 create or replace function semap.undo_change_set(p_change_set_id bigint) returns bigint[]
-language plpgsql security definer set search_path = public, pg_temp as $$
+language plpgsql security definer set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $$
 declare
   v_later    text;
   v_table    record;
@@ -198,7 +212,13 @@ begin
       using errcode = 'unique_violation', hint = 'Undo the later change first.';
   end if;
 
+  if not exists (select from semap.row_version where change_set_id = p_change_set_id and table_name <> 'abstraction') then
+    raise exception 'Change set % is not of rows that are there to be put back.', p_change_set_id
+      using errcode = 'invalid_parameter_value', hint = 'Choose another change set.';
+  end if;
+  perform set_config('semap.change_set', '', true);
   perform set_config('semap.undoes', p_change_set_id::text, true);
+  set constraints all deferred;
   drop table if exists pg_temp.undone;
   create temporary table undone on commit drop as
     select distinct on (v.table_name, v.row_key) v.table_name, v.row_key, b.content, b.shape
@@ -211,6 +231,10 @@ begin
     where v.change_set_id = p_change_set_id and v.table_name <> 'abstraction'
     order by v.table_name, v.row_key, v.version_id;
 
+  if exists (select from pg_temp.undone where table_name = 'map' and content is null) then
+    raise exception 'Change set % made the map.', p_change_set_id
+      using errcode = 'unique_violation', hint = 'Delete the map itself.';
+  end if;
   for v_table in select * from semap.kept_table where table_name <> 'abstraction' order by place loop
     select string_agg(quote_ident(attname), ', '),
            string_agg(case when attname = v_table.shape then 'u.shape' else 'r.' || quote_ident(attname) end, ', '),
@@ -222,20 +246,34 @@ begin
       and attname <> 'absolute_description_id';
     execute format(
       'insert into semap.%1$I (%2$s) overriding system value select %3$s'
-      ' from undone u, jsonb_populate_record(null::semap.%1$I, u.content) r'
+      ' from pg_temp.undone u, jsonb_populate_record(null::semap.%1$I, u.content) r'
       ' where u.table_name = %1$L and u.content is not null on conflict (%4$s) do %5$s',
       v_table.table_name, v_columns, v_values,
-      v_table.key || case v_table.table_name when 'frame_pose' then ', stamp' else '' end,
+      v_table.key,
       coalesce('update set ' || v_update, 'nothing'));
   end loop;
   for v_table in select * from semap.kept_table where table_name <> 'abstraction' order by place desc loop
     v_match := 'concat_ws(''/'', r.' || replace(v_table.key, ', ', ', r.') || ')';
-    execute format('delete from semap.%I r using undone u where u.table_name = %L and u.content is null and u.row_key = %s'
+    execute format('delete from semap.%I r using pg_temp.undone u where u.table_name = %L and u.content is null and u.row_key = %s'
                    ' and %s', v_table.table_name, v_table.table_name, v_match, v_table.which);
   end loop;
+  select distinct v.table_name || ' ' || coalesce(b.content ->> 'name', v.row_key) into v_later
+  from semap.row_version v
+  left join lateral (
+    select content from semap.row_version b
+    where b.table_name = v.table_name and b.row_key = v.row_key and b.version_id < v.version_id
+    order by b.version_id desc limit 1) b on true
+  where v.change_set_id = semap.current_change_set() and v.table_name <> 'abstraction'
+    and not exists (select from pg_temp.undone u where u.table_name = v.table_name and u.row_key = v.row_key)
+  limit 1;
+  if v_later is not null then
+    raise exception 'Change set % cannot be undone: % came after it and needs it.', p_change_set_id, v_later
+      using errcode = 'unique_violation', hint = 'Undo the later change first.';
+  end if;
+  set constraints all immediate;
   return array(
     select distinct (v.content ->> 'description_id')::bigint
-    from undone u join semap.row_version v using (table_name, row_key)
+    from pg_temp.undone u join semap.row_version v using (table_name, row_key)
     where u.table_name in ('geometry', 'description') and v.content is not null
       and exists (select from semap.description d where d.description_id = (v.content ->> 'description_id')::bigint));
 end $$;

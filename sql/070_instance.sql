@@ -17,13 +17,20 @@ declare
   v_frame_id  bigint;
   v_parent_id  bigint;
   v_child     bigint;
+  v_is_own    boolean;
 begin
   perform semap.change_regions();
-  select f.frame_id, f.parent_id into v_frame_id, v_parent_id
+  select f.frame_id, f.parent_id,
+         f.parent_id is not null and (select count(*) = 1 from semap.instance o where o.frame_id = f.frame_id)
+  into v_frame_id, v_parent_id, v_is_own
   from semap.instance i join semap.frame f using (frame_id) where i.instance_id = p_instance_id;
   if not found then
     raise exception 'There is no instance %.', p_instance_id
       using errcode = 'no_data_found', hint = 'List the instances to see their ids.';
+  end if;
+  if not v_is_own then -- what stands on a frame that others share, or on a root, does not stand on this instance
+    delete from semap.instance where instance_id = p_instance_id;
+    return;
   end if;
   if p_with_carried then
     delete from semap.instance where frame_id in (select semap.frames_below(array[v_frame_id]));
@@ -63,7 +70,8 @@ begin
   end if;
   insert into semap.frame_pose (frame_id, stamp, x_m, y_m, z_m, qx, qy, qz, qw)
   select v_frame_id, '-infinity', (p).x_m, (p).y_m, (p).z_m, (p).qx, (p).qy, (p).qz, (p).qw
-  from (select semap.pose_at(i.frame_id) as p from semap.instance i where i.instance_id = p_instance_id) now;
+  from (select case when f.parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose else semap.pose_at(i.frame_id) end as p
+        from semap.instance i join semap.frame f using (frame_id) where i.instance_id = p_instance_id) now;
   insert into semap.instance (map_id, name, alias, concept_id, frame_id, relative_description_id, storey_id, attributes)
   select map_id, p_name, alias, concept_id, v_frame_id, relative_description_id, storey_id, attributes
   from semap.instance where instance_id = p_instance_id

@@ -126,12 +126,25 @@ end $$;
 comment on function semap.topology is
   'Pairs of things of whose footprints a named predicate holds: reference, predicate, target, read in this order.';
 
+-- Refuse what is no pattern of DE-9IM.
+create or replace function semap.require_pattern(p_pattern text) returns void
+language plpgsql immutable parallel safe as $$
+begin
+  if p_pattern !~ '^[TFtf012*]{9}$' then
+    raise exception '% is no pattern of DE-9IM.', p_pattern
+      using errcode = 'invalid_parameter_value', hint = 'Give nine of T, F, 0, 1, 2 and *, such as T*F**F***.';
+  end if;
+end $$;
+comment on function semap.require_pattern is
+  'Refuse what is no pattern of DE-9IM.';
+
 -- The DE-9IM matrices of pairs of footprints, those that match a pattern (such as T*F**F***), or all. Pairs whose
 -- boxes are apart are looked at only where the pattern admits what is disjoint.
 create or replace function semap.relate(
   p_reference_ids bigint[], p_target_ids bigint[] default null, p_pattern text default null
 ) returns table (reference_id bigint, target_id bigint, matrix text)
 language sql stable parallel safe as $$
+  select semap.require_pattern(p_pattern);
   select p.reference_id, p.target_id, m.matrix
   from semap.footprint_pairs(p_reference_ids, p_target_ids) p
   cross join lateral (select st_relate(p.reference_area, p.target_area) as matrix offset 0) m

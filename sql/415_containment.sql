@@ -125,6 +125,19 @@ end $$;
 comment on function semap.prisms_relate is
   'Whether one prism holds another, or some of it (within, partly), or they share a point (meets).';
 
+-- The prism over an area; what is flat is a micrometre thick, within the tolerance of the predicates.
+create or replace function semap.prism_between(
+  p_area public.geometry, p_bottom_m double precision, p_top_m double precision
+) returns public.geometry
+language plpgsql immutable parallel safe as $$
+begin
+  return semap.extruded(p_area, case when p_top_m - p_bottom_m < 1e-6 then p_bottom_m - 5e-7 else p_bottom_m end,
+                        case when p_top_m - p_bottom_m < 1e-6 then p_bottom_m + 5e-7 else p_top_m end);
+end $$;
+comment on function semap.prism_between is
+  'The prism over an area; what is flat is a micrometre thick, within the tolerance of the predicates.';
+
+
 -- The same of bodies, where there are any; prisms stand for bodies that are not there, points for what is no more.
 create or replace function semap.bodies_relate(
   p_relation text,
@@ -147,10 +160,10 @@ begin
   end if;
   -- a prism without an end is cut off well beyond the other
   if v_body is null then
-    v_body := semap.extruded(p_area, greatest(p_bottom_m, p_other_bottom_m - 1), least(p_top_m, p_other_top_m + 1));
+    v_body := semap.prism_between(p_area, greatest(p_bottom_m, p_other_bottom_m - 1), least(p_top_m, p_other_top_m + 1));
   end if;
   if v_other is null and st_dimension(p_other) = 2 then
-    v_other := semap.extruded(p_other, greatest(p_other_bottom_m, p_bottom_m - 1), least(p_other_top_m, p_top_m + 1));
+    v_other := semap.prism_between(p_other, greatest(p_other_bottom_m, p_bottom_m - 1), least(p_other_top_m, p_top_m + 1));
   elsif v_other is null then
     v_other := st_makepoint(st_x(p_other), st_y(p_other),
                             least(greatest(p_other_bottom_m, p_bottom_m), p_other_top_m));

@@ -170,6 +170,9 @@ begin
   if p_join not in ('round', 'mitre', 'bevel') then
     raise exception 'There is no join %.', p_join
       using errcode = 'invalid_parameter_value', hint = 'Use round, mitre or bevel.';
+  elsif not abs(p_distance_m) <= 1e6 then
+    raise exception 'A footprint is not grown by % m.', p_distance_m
+      using errcode = 'invalid_parameter_value', hint = 'Give a distance of at most a thousand kilometres.';
   end if;
   return query
     select * from (

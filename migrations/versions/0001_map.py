@@ -123,7 +123,7 @@ STATEMENTS = (
       map_id     integer not null references semap.map on delete cascade,
       name       text not null check (name <> ''),
       parent_id  bigint references semap.frame on delete cascade,
-      unique (map_id, name)
+      unique (map_id, name) deferrable
     )
     """,
     "create index frame_parent on semap.frame (parent_id)",
@@ -154,7 +154,7 @@ STATEMENTS = (
       map_id          integer not null references semap.map on delete cascade,
       name            text check (name <> ''),
       is_absolute     boolean not null default false,
-      unique (map_id, name),
+      unique (map_id, name) deferrable,
       check (name is null or not is_absolute)
     )
     """,
@@ -209,8 +209,8 @@ STATEMENTS = (
       attributes               jsonb not null default '{}' check (jsonb_typeof(attributes) = 'object'),
       created_at               timestamptz not null default clock_timestamp(),
       updated_at               timestamptz not null default clock_timestamp(),
-      unique (map_id, name),
-      unique (map_id, uid)
+      unique (map_id, name) deferrable,
+      unique (map_id, uid) deferrable
     )
     """,
     "create index instance_concept on semap.instance (concept_id)",

@@ -116,12 +116,18 @@ def create_frame(
 def set_pose(connection: Connection, frame_id: int, pose: Pose, stamp: datetime | None = None) -> None:
     """Set parent_T_frame from a stamp on; None: as its static pose. What stands on it moves with it.
 
-    raises  NotFound, InvalidInput for a pose without a rotation or a naive stamp
+    The newest stamp counts as now, also where it lies in the future.
+    raises  NotFound, InvalidInput for a pose without a rotation or a naive stamp, Conflict for the root, or
+            for a static pose of a frame that has stamped ones
     """
     if stamp is not None and stamp.tzinfo is None:
         raise InvalidInput("a stamp without a time zone", "Give it with its offset, such as Z.", "stamp")
     placed = normalised(pose)
-    get_frame(connection, frame_id)
+    known = get_frame(connection, frame_id)
+    if stamp is None and not known.is_static:
+        raise Conflict(
+            f"{known.name} has stamped poses, of which the newest counts.", "Give the pose with a stamp."
+        )
     with translated():
         connection.execute(
             SET_POSE,

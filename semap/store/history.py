@@ -50,13 +50,13 @@ INSTANCES_AS_OF = text("""
     select instance_id, uid, name, alias, concept, storey, attributes,
            (pose).x_m, (pose).y_m, (pose).z_m, (pose).qx, (pose).qy, (pose).qz, (pose).qw,
            public.st_asbinary(footprint), z_min_m, z_max_m
-    from semap.instances_as_of(:map_id, :at)
-    where instance_id > :after and (cast(:instance_id as bigint) is null or instance_id = :instance_id)
-    order by instance_id limit :limit
+    from semap.instances_as_of(:map_id, :at, :instance_id, :after, :limit)
+    order by instance_id
 """)
 MAP_OF_INSTANCE = text("""
     select name from semap.map where map_id = semap.map_of_row('instance', :instance_id)
 """)
+MADE_HERE = text("select cast(current_setting('semap.change_set') as bigint)")
 UNDO = text("select semap.undo_change_set(:change_set_id)")
 
 
@@ -135,7 +135,8 @@ def rows_of(connection: Connection, change_set_id: int, limit: int = 1000) -> tu
 def undo(connection: Connection, change_set_id: int) -> ChangeSet:
     """Take a change set back, whole, by a change set of its own, which can be undone in turn.
 
-    raises  NotFound, Conflict if a row was changed since
+    raises  NotFound, InvalidInput if there is nothing to take back, Conflict if a row was changed since, or
+            something that came later would go with it
     """
     # Slow to import, and needed here only: signing and listing should not wait for it.
     from semap.geometry.abstractions import derive  # noqa: PLC0415
@@ -148,8 +149,8 @@ def undo(connection: Connection, change_set_id: int) -> ChangeSet:
     write_descriptions(
         connection, [(id_, sources.get(id_, ()), derive(sources.get(id_, ()))) for id_ in reshaped]
     )
-    made = list_change_sets(connection, limit=1)
-    return made[0]
+    with translated():
+        return get_change_set(connection, connection.scalar(MADE_HERE) or change_set_id)
 
 
 def instances_as_of(

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
-import numpy as np
 from shapely import MultiPolygon, Polygon
 from sqlalchemy import Connection, func, select, update
 
@@ -32,7 +31,7 @@ from semap.store.description import (
     reshape,
 )
 from semap.store.maps import map_id_of
-from semap.store.placement import map_from_frames, place_frames, pose_in
+from semap.store.placement import map_from_frames, place_frames, pose_in, require_placeable
 from semap.store.tables import concept, frame, instance, one_of
 
 Carried = Literal["refuse", "delete", "keep"]
@@ -197,7 +196,8 @@ def _edit_row(connection: Connection, held: Held, changes: Changes) -> None:
 def _place(connection: Connection, held: Held, pose: Pose) -> None:
     with translated():
         parent_id = connection.scalar(select(frame.c.parent_id).where(frame.c.frame_id == held.frame_id))
-    map_T_parent = np.eye(4) if parent_id is None else map_from_frames(connection, [parent_id])[parent_id]
+    require_placeable(connection, held.frame_id, parent_id)
+    map_T_parent = map_from_frames(connection, [int(parent_id or 0)])[int(parent_id or 0)]
     place_frames(connection, {held.frame_id: pose_in(map_T_parent, pose)})
 
 

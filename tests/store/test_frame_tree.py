@@ -10,6 +10,8 @@ from sqlalchemy import Connection, Engine
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.model.pose import Pose
 from semap.store import frames
+from semap.store.instance_edit import Changes, delete_instance, edit_instance
+from semap.store.instances import list_instances
 from semap.store.maps import create_map
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
@@ -129,3 +131,36 @@ def test_what_cannot_be_is_refused(connection: Connection) -> None:
         )
     frames.delete_frame(connection, b.frame_id)
     assert frames.rename_frame(connection, a.frame_id, "c").name == "c"
+
+
+def test_the_world_that_is_kept_is_the_present_one(connection: Connection) -> None:
+    """The cup was last seen before the cart drove away: it stands where it is, not where the cart was then."""
+    root = frames.frame_named(connection, "office", "map").frame_id
+    cup = frames.create_frame(connection, "office", "cup", "map").frame_id
+    cart = frames.create_frame(connection, "office", "cart", "map").frame_id
+    frames.set_pose(connection, cup, turned(10, 0, 0, 0, 0, 1), START)
+    frames.set_pose(connection, cart, turned(100, 5, 0, 0, 0, 2), START + timedelta(hours=1))
+    frames.change_frame(connection, cup, "cart")
+    assert near(frames.transform(connection, root, cup), turned(10, 0, 0, 0, 0, 1).matrix())
+    with pytest.raises(Conflict, match="stamped poses"), connection.begin_nested():
+        frames.set_pose(connection, cup, Pose())
+    with pytest.raises(Conflict, match="root frame"), connection.begin_nested():
+        frames.set_pose(connection, root, Pose(x_m=1))
+
+
+def test_what_stands_on_the_root_takes_nothing_with_it(connection: Connection) -> None:
+    frames.create_frame(connection, "office", "desk", "map", Pose(x_m=1))
+    site, desk = (
+        connection.exec_driver_sql(
+            "insert into semap.instance (map_id, name, concept_id, frame_id)"
+            " select f.map_id, %s, c.concept_id, f.frame_id from semap.frame f, semap.concept c"
+            " where f.name = %s and c.name = 'Space' returning instance_id",
+            (name, frame),
+        ).scalar_one()
+        for name, frame in (("site", "map"), ("desk", "desk"))
+    )
+    with pytest.raises(Conflict, match="root"), connection.begin_nested():
+        edit_instance(connection, site, Changes(pose=Pose(x_m=7)))
+    delete_instance(connection, site, "delete")
+    assert [each.instance_id for each in list_instances(connection)] == [desk]
+    assert frames.frame_named(connection, "office", "desk").parent == "map"

@@ -11,7 +11,7 @@ from semap.errors import Conflict, InvalidInput, NotFound
 from semap.geometry.prism import extrude
 from semap.model.building import HeightBand, Item
 from semap.model.pose import Pose
-from semap.store import history
+from semap.store import frames, history
 from semap.store.concept import Concept, change_concept, create_concept, list_concepts
 from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
 from semap.store.instances import get_instance, list_instances
@@ -139,3 +139,74 @@ def test_concepts_have_a_history_too_and_a_deleted_map_has_none(engine: Engine, 
             "select distinct table_name from semap.row_version where table_name not like 'concept%%'"
         ).all()
         assert left == []
+
+
+def test_undo_of_what_moved_in_time_gives_every_stamp_back(engine: Engine, office: int) -> None:
+    first, last = (datetime.fromisoformat(f"2026-01-0{day}T00:00Z") for day in (1, 2))
+    with engine.begin() as connection:
+        frames.create_frame(connection, "office", "cart", "map", Pose(x_m=100))
+        frame_id = frames.frame_named(connection, "office", "table").frame_id
+        for stamp, x_m in ((first, 5), (last, 10)):
+            frames.set_pose(connection, frame_id, Pose(x_m=x_m), stamp)
+    with engine.begin() as connection:
+        known = history.list_change_sets(connection, limit=1)[0]
+        frames.change_frame(connection, frame_id, "cart")
+    with engine.begin() as connection:
+        assert get_instance(connection, office).footprint.bounds == (10, 0, 12, 2)
+        (past,) = history.instances_as_of(connection, "office", known.made_at)
+        assert (past.pose, past.footprint.bounds) == (Pose(x_m=10), (10, 0, 12, 2))
+        undone = history.undo(connection, history.list_change_sets(connection, limit=1)[0].change_set_id)
+        assert undone.change_set_id > known.change_set_id
+    with engine.begin() as connection:
+        assert get_instance(connection, office).footprint.bounds == (10, 0, 12, 2)
+        assert [pose.x_m for _, pose in frames.list_poses(connection, frame_id)] == [0, 5, 10]
+        delete_instance(connection, office)
+    with engine.begin() as connection:
+        history.undo(connection, history.list_change_sets(connection, limit=1)[0].change_set_id)
+        assert [pose.x_m for _, pose in frames.list_poses(connection, frame_id)] == [0, 5, 10]
+
+
+def test_undo_takes_nothing_along_that_came_later(engine: Engine, office: int) -> None:
+    with engine.begin() as connection:
+        (made,) = history.list_change_sets(connection, "office")
+        with pytest.raises(Conflict, match="made the map"), connection.begin_nested():
+            history.undo(connection, made.change_set_id)
+        frames.create_frame(connection, "office", "lower", "map")
+    with engine.begin() as connection:
+        frames.create_frame(connection, "office", "upper", "lower")
+    with engine.begin() as connection:
+        upper, lower, _ = history.list_change_sets(connection, "office")
+        with pytest.raises(Conflict, match="upper came after it and needs it"), connection.begin_nested():
+            history.undo(connection, lower.change_set_id)
+        history.undo(connection, upper.change_set_id)
+    with engine.begin() as connection:
+        history.undo(connection, lower.change_set_id)
+        assert [each.name for each in frames.list_frames(connection, "office")] == ["map", "table"]
+
+
+def test_names_that_were_swapped_are_swapped_back(engine: Engine, office: int) -> None:
+    with engine.begin() as connection:
+        other = create_instance(connection, "office", Item(uuid4(), "chair", "Chair"))
+    with engine.begin() as connection:
+        for instance_id, name in ((office, "x"), (other, "table"), (office, "chair")):
+            edit_instance(connection, instance_id, Changes(name=name))
+    with engine.begin() as connection:
+        history.undo(connection, history.list_change_sets(connection, limit=1)[0].change_set_id)
+    with engine.begin() as connection:
+        names = {each.instance_id: each.name for each in list_instances(connection)}
+        assert names == {office: "table", other: "chair"}
+        left = connection.exec_driver_sql(
+            "select count(*) from semap.description d where is_absolute and not exists"
+            " (select from semap.instance i where i.absolute_description_id = d.description_id)"
+        ).scalar_one()
+        assert left == 0
+
+
+def test_a_change_set_of_the_past_is_not_added_to(engine: Engine, office: int) -> None:
+    with engine.begin() as connection:
+        (made,) = history.list_change_sets(connection, "office")
+        connection.exec_driver_sql(f"set semap.change_set = '{made.change_set_id}'")
+        edit_instance(connection, office, Changes(alias="forged"))
+    with engine.begin() as connection:
+        assert len(history.list_change_sets(connection, "office")) == 2
+        assert history.get_change_set(connection, made.change_set_id) == made
