@@ -93,11 +93,11 @@ def _number(value: float, place: str) -> float:
 def _timestamp(stamp: str, place: str) -> Instant:
     try:
         read = datetime.fromisoformat(stamp)
-    except ValueError as error:
+        if read.tzinfo is None:
+            raise InvalidInput(f"{stamp} is in no time zone", "Write 2026-01-31T12:00:00Z.", place)
+        return Instant(read.astimezone(UTC), place)
+    except (ValueError, OverflowError) as error:
         raise InvalidInput(f"{stamp} is no time", "Write 2026-01-31T12:00:00Z.", place) from error
-    if read.tzinfo is None:
-        raise InvalidInput(f"{stamp} is in no time zone", "Write 2026-01-31T12:00:00Z.", place)
-    return Instant(read.astimezone(UTC), place)
 
 
 def _date(day: str, place: str) -> Instant:

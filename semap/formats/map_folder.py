@@ -32,6 +32,8 @@ def inside(folder: Path, node: Node) -> Path:
     """
     text = node.text()
     parts = PurePosixPath(text)
+    if len(text) > 1000 or any(len(part.encode()) > 255 for part in parts.parts):
+        raise node.wrong("the path is longer than a file's can be", "Name a file beside map.yaml.")
     leaves = parts.is_absolute() or ".." in parts.parts or "\\" in text or ":" in text or "\0" in text
     if leaves or not (folder / text).resolve().is_relative_to(folder.resolve()):
         raise node.wrong(

@@ -190,7 +190,9 @@ def parse_yaml(data: bytes, name: str) -> Node:
             f"{len(data)} bytes of YAML", f"Keep it below {MAX_BYTES}; meshes lie beside it.", name
         )
     try:
-        root = yaml.compose(data.decode("utf-8-sig"), Loader=_Loader)
+        text = data.decode("utf-8-sig")
+        _refuse_depth(text, name)
+        root = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         where = name if error.problem_mark is None else _where(name, error.problem_mark)
         raise InvalidInput(
@@ -201,6 +203,15 @@ def parse_yaml(data: bytes, name: str) -> Node:
     if root is None:
         raise InvalidInput("the file says nothing", "Write at least `map: NAME`.", name)
     return _Reading(name).node(root, 0)[0]
+
+
+def _refuse_depth(text: str, name: str) -> None:
+    """The composer calls itself for each level, in C, where a stack that is full ends the process."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            raise InvalidInput("it is nested too deeply", "Write it out.", _where(name, event.start_mark))
 
 
 def _where(name: str, mark: Any) -> str:

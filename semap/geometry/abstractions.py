@@ -37,6 +37,9 @@ from semap.model.source_geometry import BODY, SourceGeometry
 
 MIN_AREA_M2 = 1e-12
 SURFACES_3D = ("POLYGON3D", "TRIANGLEMESH3D", "POLYGONMESH3D")
+FARTHEST_M = 1e8
+"""Farther than anything on earth from the origin of a metric system."""
+
 POINTS_3D = ("POINT3D", "POSE3D")
 
 
@@ -57,16 +60,33 @@ class Abstraction:
 def derive(sources: Sequence[SourceGeometry] | Mesh) -> tuple[Abstraction, ...]:
     """Every abstraction that the geometries of one description give, one of each type at most.
 
-    raises  InvalidInput if a geometry is none: see `semap.geometry.triangulation.triangles`
+    raises  InvalidInput if a geometry is none (see `semap.geometry.triangulation.triangles`), lies beyond
+            `FARTHEST_M`, or is so thin that it has no hull in floating point
     """
     if isinstance(sources, Mesh):
         sources = (SourceGeometry(BODY, "TRIANGLEMESH3D", sources),)
+    from scipy.spatial import QhullError  # noqa: PLC0415  slow to import
+
+    try:
+        return _derived(sources)
+    except QhullError as error:
+        raise InvalidInput(
+            "a shape that is too thin for its size to have a hull", "Mind the unit, and repair the mesh."
+        ) from error
+
+
+def _derived(sources: Sequence[SourceGeometry]) -> tuple[Abstraction, ...]:
     areas = [each for each in sources if each.type == "POLYGON2D"]
     surface = _joined([each for each in sources if each.type in SURFACES_3D]) or _joined(areas)
     if surface is None:
         spots_m = _all_points([each for each in sources if each.type in POINTS_3D])
     else:
         spots_m = used_vertices(surface)
+    flat_m = [shapely.get_coordinates(each.shape) for each in areas]
+    if any(np.abs(each).max(initial=0) > FARTHEST_M for each in (spots_m, *flat_m)):
+        raise InvalidInput(
+            f"coordinates beyond {FARTHEST_M:g} m", "Mind the unit, or anchor the map to the earth."
+        )
     hull = convex_hull(spots_m, surface) if len(spots_m) else None
     heights_m = _heights(spots_m)
     in_space = tuple(Abstraction(type_, shape, *heights_m) for type_, shape in _in_space(spots_m, hull))

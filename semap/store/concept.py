@@ -180,9 +180,19 @@ def check_attributes(connection: Connection, things: Iterable[tuple[str, str, Ma
 
 
 def require_schema(schema: Mapping[str, object] | None) -> None:
-    """raises InvalidInput if it is no JSON Schema (draft 2020-12)"""
+    """raises InvalidInput if it is no JSON Schema (draft 2020-12), or has regular expressions
+
+    One expression can keep a whole process busy for years, and nothing here could stop it.
+    """
     if schema is None:
         return
+    for word in ("pattern", "patternProperties"):
+        if _has_keyword(schema, word):
+            raise InvalidInput(
+                f"a schema with {word}: regular expressions are not evaluated",
+                "Say it with enum, const, minLength or maxLength.",
+                "attribute_schema",
+            )
     from jsonschema import Draft202012Validator, SchemaError  # noqa: PLC0415
 
     try:
@@ -191,6 +201,20 @@ def require_schema(schema: Mapping[str, object] | None) -> None:
         raise InvalidInput(
             f"no JSON Schema: {error.message}", "See https://json-schema.org.", "attribute_schema"
         ) from error
+
+
+def _has_keyword(part: object, word: str) -> bool:
+    """Whether a schema has a keyword; a property of that name is none."""
+    if isinstance(part, Mapping):
+        return word in part or any(
+            any(_has_keyword(each, word) for each in inner.values())
+            if key in ("properties", "$defs", "definitions", "dependentSchemas")
+            and isinstance(inner, Mapping)
+            else _has_keyword(inner, word)
+            for key, inner in part.items()
+            if key not in ("enum", "const", "default", "examples")
+        )
+    return isinstance(part, list) and any(_has_keyword(each, word) for each in part)
 
 
 def ensure_concepts(connection: Connection, names: Iterable[str]) -> tuple[dict[str, int], tuple[str, ...]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
 import shapely
@@ -15,6 +16,7 @@ from sqlalchemy import (
     ColumnElement,
     Double,
     LargeBinary,
+    Numeric,
     Text,
     and_,
     bindparam,
@@ -247,6 +249,7 @@ class _Translation:
         return cast(literal(otherwise, Text), STAMP) if end is None else self.of_kind(end, "instant")
 
 
+LARGEST_FLOAT = Decimal("1.7e308")
 _BOOLEAN = false().type
 
 
@@ -259,7 +262,11 @@ def _typed(json: Sql, kind: Kind) -> Sql:
         )
     value: Sql = plain
     if kind == "number":
-        value = cast(plain, Double)
+        # jsonb keeps numbers that no float holds; a case keeps the cast from being tried on them
+        is_float = func.abs(cast(plain, Numeric)) <= LARGEST_FLOAT
+        value = case(
+            (case((func.jsonb_typeof(json) == "number", is_float), else_=false()), cast(plain, Double))
+        )
     elif kind == "boolean":
         value = cast(plain, _BOOLEAN)
     elif kind == "array":

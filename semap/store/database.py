@@ -95,6 +95,8 @@ def _translation(error: psycopg.Error) -> SemapError:
             return InvalidInput(message, remedy)
         case errors.DataError() | errors.CardinalityViolation():
             return InvalidInput(message, remedy)
+        case errors.InternalError_() if message.startswith("GEOS"):
+            return InvalidInput(message, remedy or "Give shapes and numbers that geometry can be made of.")
         case errors.InsufficientPrivilege():
             return DatabaseError(message, remedy or "Use a role that may do this.")
         case errors.UndefinedTable() | errors.InvalidSchemaName() | errors.UndefinedFunction():

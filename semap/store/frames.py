@@ -21,6 +21,9 @@ from semap.store.tables import frame, frame_pose, instance
 
 Keep = Literal["world", "local"]
 
+FIRST_YEAR, LAST_YEAR = 1800, 9998
+"""As for the states of tracks: whatever lies outside is a broken clock."""
+
 FRAMES = """
     select f.frame_id, m.name, f.name, p.name, (n.pose).x_m, (n.pose).y_m, (n.pose).z_m,
            (n.pose).qx, (n.pose).qy, (n.pose).qz, (n.pose).qw,
@@ -122,6 +125,8 @@ def set_pose(connection: Connection, frame_id: int, pose: Pose, stamp: datetime 
     """
     if stamp is not None and stamp.tzinfo is None:
         raise InvalidInput("a stamp without a time zone", "Give it with its offset, such as Z.", "stamp")
+    if stamp is not None and not FIRST_YEAR <= stamp.year <= LAST_YEAR:
+        raise InvalidInput(f"a stamp in the year {stamp.year}", "Mind the clock of the sensor.", "stamp")
     placed = normalised(pose)
     known = get_frame(connection, frame_id)
     if stamp is None and not known.is_static:

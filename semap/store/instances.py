@@ -22,6 +22,10 @@ from semap.store.database import translated
 from semap.store.placement import map_from_frames
 from semap.store.tables import abstraction, concept, description, door_room, frame, geometry, instance, map_
 
+IS_PLACED = text("""
+    select p.pose is not null from semap.frames_in_root(array[cast(:frame_id as bigint)]) p
+    join semap.frame r on r.frame_id = p.root_id and r.name = 'map'
+""")
 ABOVE = instance.alias("storey")
 PARENT = frame.alias("parent")
 BODIES = ("TRIANGLEMESH3D", "POLYGONMESH3D")
@@ -44,7 +48,7 @@ class Instance:
 class InstanceDetail:
     """All that is known of an instance.
 
-    pose       map_T_instance
+    pose       map_T_instance; None: its frame hangs under another root than `map`, or was nowhere yet
     footprint  in the map frame [m]; None where there is none
     band       heights of the footprint; None: every height
     joins      for a door the rooms on both sides, for a room its doors: names by id
@@ -54,7 +58,7 @@ class InstanceDetail:
     """
 
     instance: Instance
-    pose: Pose
+    pose: Pose | None
     footprint: shapely.Geometry | None
     band: HeightBand | None
     joins: Mapping[int, str]
@@ -109,7 +113,7 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
     wkb, z_min_m, z_max_m, has_body, attributes, created_at, updated_at, frame_id, *links = row[7:]
     return InstanceDetail(
         instance=Instance(*row[:7]),
-        pose=pose_from_matrix(map_from_frames(connection, [frame_id])[frame_id]),
+        pose=_pose_in_map(connection, frame_id),
         footprint=None if wkb is None else shapely.from_wkb(bytes(wkb)),
         band=None if z_min_m is None or z_max_m is None else HeightBand(z_min_m, z_max_m),
         joins=_joins(connection, instance_id),
@@ -123,6 +127,12 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
         description_id=links[2],
         description=links[3],
     )
+
+
+def _pose_in_map(connection: Connection, frame_id: int) -> Pose | None:
+    with translated():
+        is_placed = connection.scalar(IS_PLACED, {"frame_id": frame_id})
+    return pose_from_matrix(map_from_frames(connection, [frame_id])[frame_id]) if is_placed else None
 
 
 def _joins(connection: Connection, instance_id: int) -> dict[int, str]:

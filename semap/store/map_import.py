@@ -9,7 +9,9 @@ from sqlalchemy import Connection, delete, insert, select, text
 
 from semap.errors import InvalidInput
 from semap.geometry.abstractions import derive
-from semap.model.map_document import ConceptEntry, FrameEntry, InstanceEntry, MapDocument
+from semap.model.building import Finding
+from semap.model.map_document import ConceptEntry, FrameEntry, InstanceEntry, MapDocument, StampedPose
+from semap.model.pose import IDENTITY
 from semap.store.anchor import set_anchor
 from semap.store.concept import (
     ROOT,
@@ -76,14 +78,16 @@ INSERT_JOINS = text("""
 """)
 
 
-def import_map(connection: Connection, document: MapDocument) -> None:
+def import_map(connection: Connection, document: MapDocument) -> tuple[Finding, ...]:
     """A new map of a document. Concepts that are missing are made; those that are there stay as they are.
+
+    returns what was made of its concepts
 
     raises  Conflict if there is such a map, InvalidInput if the document names what it does not have
     """
     _require_whole(document)
     derived = [(each, derive(each.geometries)) for each in document.descriptions]
-    _make_concepts(connection, document.concepts)
+    notes = _make_concepts(connection, document.concepts)
     made = create_map(connection, document.name, document.cell_m)
     if document.anchor is not None:
         set_anchor(connection, document.name, document.anchor)
@@ -101,6 +105,7 @@ def import_map(connection: Connection, document: MapDocument) -> None:
     _insert_queries(connection, made.map_id, document)
     for grid in document.grids:
         put_grid(connection, document.name, grid)
+    return notes
 
 
 def _require_whole(document: MapDocument) -> None:
@@ -129,15 +134,46 @@ def _require_whole(document: MapDocument) -> None:
         raise InvalidInput(f"{owner} names the {kind} {name}, which is not there", f"Add the {kind}.", owner)
     if ROOT_FRAME not in frames:
         raise InvalidInput("there is no root frame `map`", "Add a frame `map` without a parent.", "frames")
+    root = next(each for each in document.frames if each.name == ROOT_FRAME)
+    if root.parent is not None or any(each != StampedPose(IDENTITY) for each in root.poses):
+        raise InvalidInput(
+            "the root frame `map` has a parent or a pose",
+            "Leave them out, and put what should move on a frame below it.",
+            "frames",
+        )
 
 
-def _make_concepts(connection: Connection, entries: Sequence[ConceptEntry]) -> None:
-    known = {each.name for each in list_concepts(connection)}
+def _make_concepts(connection: Connection, entries: Sequence[ConceptEntry]) -> tuple[Finding, ...]:
+    """Make the concepts that are missing; says which, and which stay other than the document has them."""
+    known = {each.name: each for each in list_concepts(connection)}
     new = [each for each in entries if each.name not in known]
+    notes = [
+        Finding("note", each.name, f"a new concept, put below {', '.join(each.parents or (ROOT,))}")
+        for each in new
+    ]
+    notes += [
+        Finding("note", each.name, "the concept stays as the database has it, which is not as in the file")
+        for each in entries
+        if each.name in known and _differs(each, known[each.name])
+    ]
     for each in new:
         create_concept(connection, Concept(0, each.name, (), each.iris, each.comment, each.attribute_schema))
     for each in new:
         change_concept(connection, each.name, parents=each.parents or (ROOT,))
+    return tuple(notes)
+
+
+def _differs(entry: ConceptEntry, known: Concept) -> bool:
+    """Whether a document says something of a concept that is not so; what it leaves out it does not say."""
+    return any(
+        said and said != present
+        for said, present in (
+            (sorted(entry.parents), sorted(known.parents)),
+            (sorted(entry.iris), sorted(known.iris)),
+            (entry.comment, known.comment),
+            (entry.attribute_schema, known.attribute_schema),
+        )
+    )
 
 
 def _insert_frames(connection: Connection, map_id: int, entries: Sequence[FrameEntry]) -> None:

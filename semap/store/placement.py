@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, select, text
 
 from semap.errors import Conflict, InvalidInput, NotFound
+from semap.geometry.abstractions import FARTHEST_M
 from semap.geometry.pose import pose_from_matrix
 from semap.model.pose import IDENTITY, Pose
 from semap.store.database import translated
@@ -74,6 +75,8 @@ def normalised(pose: Pose) -> Pose:
     parts = np.array([pose.x_m, pose.y_m, pose.z_m, pose.qx, pose.qy, pose.qz, pose.qw])
     parts[np.abs(parts) < TINY] = 0  # PostgreSQL refuses products that underflow
     length = float(np.linalg.norm(parts[3:]))
+    if np.abs(parts[:3]).max() > FARTHEST_M:
+        raise InvalidInput(f"a pose beyond {FARTHEST_M:g} m", "Mind the unit, or anchor the map.", "pose")
     if not np.isfinite(parts).all() or length < 1e-9:
         raise InvalidInput(
             "a pose whose quaternion has no length, or with numbers that are not finite",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 from semap.errors import InvalidInput, TooLarge
@@ -45,7 +46,9 @@ def unpack(archive: Path, folder: Path, max_bytes: int = MAX_EXPANDED_BYTES) -> 
         NotImplementedError,
         OSError,
         EOFError,
+        RuntimeError,
         ValueError,
+        zlib.error,
     ) as error:
         raise InvalidInput(f"no readable zip archive: {type(error).__name__}", REMEDY) from error
 

@@ -11,7 +11,15 @@ from typing import Annotated, Literal
 
 import shapely
 from fastapi import Path, Query
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    WithJsonSchema,
+)
 from shapely import MultiPolygon, Polygon
 from shapely.geometry import mapping, shape
 
@@ -39,6 +47,17 @@ def rfc3339(stamp: datetime) -> str:
     """An aware stamp in UTC with microseconds."""
     return stamp.astimezone(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
+
+def _in_utc(stamp: datetime) -> datetime:
+    """raises ValueError for a stamp that is in no year of UTC"""
+    try:
+        return stamp.astimezone(UTC)
+    except OverflowError as error:
+        raise ValueError("in UTC it is in no year from 1 to 9999") from error
+
+
+InStamp = Annotated[AwareDatetime, AfterValidator(_in_utc)]
+"""A stamp that a client gives."""
 
 Stamp = Annotated[
     datetime,

@@ -13,6 +13,7 @@ from semap.errors import InvalidInput, NotFound
 from semap.formats import read_building, read_map
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
+from semap.rules.declaration import parse_declaration
 from semap.store.building import DOOR, ImportReport, import_building
 from semap.store.map_import import import_map
 from semap.store.maps import create_map, list_maps
@@ -62,13 +63,24 @@ def bring_in(
         raise InvalidInput(f"a map named {wanted!r}", "Choose a name without a slash.", "name")
     if isinstance(found, MapDocument):
         document = replace(found, name=wanted)
-        import_map(connection, document)
+        _require_rules(document)
+        notes = import_map(connection, document)
         concepts = Counter(each.concept for each in document.instances)
         doors = Counter(len(each.joins) for each in document.instances if each.concept == DOOR or each.joins)
-        return ImportReport(document.name, dict(sorted(concepts.items())), dict(sorted(doors.items())), ())
+        return ImportReport(document.name, dict(sorted(concepts.items())), dict(sorted(doors.items())), notes)
     if wanted not in {known.name for known in list_maps(connection)}:
         create_map(connection, wanted, cell_m)
     return import_building(connection, wanted, found, progress)
+
+
+def _require_rules(document: MapDocument) -> None:
+    """raises InvalidInput for a rule that would never be in force"""
+    for each in document.rules:
+        declaration = parse_declaration({"name": each.name, **each.declaration}, each.name)
+        if declaration.input != each.query:
+            raise InvalidInput(
+                f"the input is {declaration.input}, and the query {each.query}", "Let them agree.", each.name
+            )
 
 
 def _folder_of_map(folder: Path) -> Path:

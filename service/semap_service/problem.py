@@ -113,6 +113,8 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(SemapError, _semap_error)
     app.add_exception_handler(RequestValidationError, _validation_error)
     app.add_exception_handler(HTTPException, _http_error)
+    for beyond in (RecursionError, OverflowError, UnicodeEncodeError):
+        app.add_exception_handler(beyond, _beyond)
     app.add_exception_handler(Exception, _unexpected)
 
 
@@ -145,6 +147,18 @@ def places(error: RequestValidationError) -> list[Place]:
         Place(where=".".join(str(part) for part in each["loc"]), message=str(each["msg"]))
         for each in error.errors()
     ]
+
+
+async def _beyond(request: Request, error: Exception) -> JSONResponse:
+    """A request nested too deeply, with a number too large, or with text that is none."""
+    log.warning("%s %s: %r", request.method, request.url.path, error)
+    return problem_response(
+        request.url.path,
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        f"The request cannot be read: {type(error).__name__}.",
+        kind="invalid-input",
+        remedy="Give numbers, texts and nesting of a usual size.",
+    )
 
 
 async def _semap_error(request: Request, error: Exception) -> JSONResponse:

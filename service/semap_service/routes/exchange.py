@@ -90,7 +90,7 @@ def import_file(
         try:
             found = read_file(path, scratch=scratch)
         except (InvalidInput, NotFound) as error:
-            told = str(error).replace(f"{scratch}/", "").replace(str(path), given)
+            told = str(error).replace(f"{scratch}/", "").replace(str(path), given).replace(f"{folder}/", "")
             raise InvalidInput(told, error.remedy) from error
     with write.begin() as connection:
         report = bring_in(connection, found, name, PurePath(given).stem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
 from semap.store import frames
@@ -14,6 +14,7 @@ from semap_service.document import (
     After,
     Document,
     Id,
+    InStamp,
     Limit,
     Name,
     Next,
@@ -29,7 +30,7 @@ from semap_service.transaction import Database, Edit, Write, transaction
 router = APIRouter(tags=["frames"], route_class=TaggedRoute)
 
 ParentPose = Annotated[PoseDocument, Field(description="parent_T_frame: maps points of it to its parent.")]
-At = Annotated[AwareDatetime | None, Query(description="At this time (RFC 3339). [default: now]")]
+At = Annotated[InStamp | None, Query(description="At this time (RFC 3339). [default: now]")]
 
 
 class FrameDocument(Document):
@@ -77,7 +78,7 @@ class FrameChanges(Request):
 class StampedPoseDocument(Request):
     """Where a frame stood in its parent from a time on."""
 
-    stamp: Annotated[Stamp, AwareDatetime] | None = Field(
+    stamp: InStamp | None = Field(
         None, description="From then on; null: from the beginning of time, as a static pose."
     )
     pose: ParentPose
@@ -166,7 +167,7 @@ def list_poses(
     database: Database,
     id: Id,  # noqa: A002
     limit: Limit = 100,
-    after: Annotated[AwareDatetime | None, Query(description="Go on after this stamp.")] = None,
+    after: Annotated[InStamp | None, Query(description="Go on after this stamp.")] = None,
 ) -> StampedPoseList:
     """Where a frame was when, and its static pose if it has one."""
     with transaction(database) as connection:

@@ -97,7 +97,9 @@ class DescriptionReference(Document):
 class InstanceDocument(InstanceSummary):
     """All that is known of an instance; everything in the map frame."""
 
-    pose: PoseDocument
+    pose: PoseDocument | None = Field(
+        description="In the map frame; null: its frame hangs under another root than `map`."
+    )
     frame: FrameReference
     description: DescriptionReference | None = Field(description="null: it looks like nothing.")
     crs: str | None = Field(description="The system of the footprint; null: metres in the map frame.")
@@ -248,7 +250,7 @@ def detail(found: InstanceDetail, crs: str | None = None) -> InstanceDocument:
     """crs  the system in which the footprint is given; None: the map frame"""
     return InstanceDocument(
         **summary_fields(found.instance),
-        pose=PoseDocument.model_validate(found.pose),
+        pose=None if found.pose is None else PoseDocument.model_validate(found.pose),
         frame=FrameReference(id=found.frame_id, name=found.frame, parent=found.parent),
         description=None
         if found.description_id is None

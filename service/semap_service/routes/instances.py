@@ -6,7 +6,7 @@ from pathlib import PurePath
 from typing import Annotated
 
 from fastapi import APIRouter, File, Form, Query, Response, UploadFile
-from pydantic import AwareDatetime, Json
+from pydantic import Json
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
@@ -15,7 +15,7 @@ from semap.store import history, instance_links, instances
 from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
 from semap.store.maps import get_map
 from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, Id, Limit, MapFilter, Name, Request, next_after
+from semap_service.document import After, Id, InStamp, Limit, MapFilter, Name, Request, next_after
 from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.mesh_upload import Unit, UpAxis, read_upload
 from semap_service.problem import problems
@@ -38,7 +38,7 @@ MESH = (
     "A mesh in the instance's own frame, in the format that the ending of the file's name says. "
     "Without textures; at most 64 MiB."
 )
-AsOf = Annotated[AwareDatetime | None, Query(description="As it was at this time (RFC 3339). [default: now]")]
+AsOf = Annotated[InStamp | None, Query(description="As it was at this time (RFC 3339). [default: now]")]
 
 
 class CopyName(Request):
