@@ -1,7 +1,7 @@
 -- How things lie to one another seen from above, by their footprints. Boxes are compared by the index first; the
 -- predicates themselves are those of PostGIS (GEOS), exact for the coordinates as they are stored.
 -- Every operator takes references and targets as ids of instances; null means all instances on the maps of the
--- other side. A thing is never paired with itself, and things of different maps are not paired.
+-- other side (here and in 415 to 430; elsewhere only where a comment says so). A thing is never paired with itself, and things of different maps are not paired.
 
 -- The instances of these ids with their maps; for null all on the maps of the others, or all there are.
 create or replace function semap.operands(p_ids bigint[], p_other_ids bigint[])

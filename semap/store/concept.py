@@ -12,6 +12,7 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by, insert
 
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.store.database import translated
+from semap.store.name import require_name
 from semap.store.tables import concept, concept_iri, concept_parent, one_of
 
 LIFT_CHILDREN = text("""
@@ -82,6 +83,7 @@ def create_concept(connection: Connection, new: Concept) -> Concept:
 
     raises  InvalidInput if a parent is unknown or the schema is no JSON Schema, Conflict if it exists
     """
+    require_name(new.name)
     require_schema(new.attribute_schema)
     parent_ids = [concept_id(connection, parent) for parent in new.parents or (ROOT,)]
     with translated():

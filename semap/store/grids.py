@@ -10,6 +10,7 @@ from semap.errors import NotFound
 from semap.model.map_document import OccupancyGrid
 from semap.store.database import translated
 from semap.store.maps import map_id_of
+from semap.store.name import require_name
 from semap.store.tables import map_grid
 
 
@@ -41,6 +42,7 @@ def put_grid(connection: Connection, map_name: str, grid: OccupancyGrid) -> None
 
     raises  NotFound if there is no such map
     """
+    require_name(grid.name)
     x_m, y_m, yaw_rad = grid.origin
     height, width = grid.pixels.shape
     values = {

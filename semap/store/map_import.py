@@ -71,7 +71,7 @@ SET_STOREYS = text("""
 """)
 INSERT_JOINS = text("""
     insert into semap.door_room (door_id, room_id)
-    select d.instance_id, r.instance_id
+    select distinct d.instance_id, r.instance_id
     from unnest(cast(:doors as text[]), cast(:rooms as text[])) as v (door, room)
     join semap.instance d on d.map_id = :map_id and d.name = v.door
     join semap.instance r on r.map_id = :map_id and r.name = v.room
@@ -127,7 +127,12 @@ def _require_whole(document: MapDocument) -> None:
             if e.description not in keys | {None}
         ),
         *(("storey", e.storey, e.name) for e in document.instances if e.storey not in names | {None}),
-        *(("instance", j, e.name) for e in document.instances for j in e.joins if j not in names),
+        *(
+            ("other instance", j, e.name)
+            for e in document.instances
+            for j in e.joins
+            if j not in names - {e.name}
+        ),
         *(("query", e.query, e.name) for e in document.rules if e.query not in queries),
     ]
     for kind, name, owner in missing:
@@ -259,6 +264,8 @@ def _insert_queries(connection: Connection, map_id: int, document: MapDocument) 
         concept_ids = dict(connection.execute(select(concept.c.name, concept.c.concept_id)).all())
         query_ids: dict[str, int] = {}
         for query in document.queries:
+            if query.predicate != "contains":
+                raise InvalidInput(f"there is no predicate {query.predicate}", "Use contains.", query.name)
             if query.concept not in concept_ids:
                 raise InvalidInput(f"there is no concept {query.concept}", "Add it.", query.name)
             query_ids[query.name] = connection.scalar(

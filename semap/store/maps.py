@@ -13,9 +13,10 @@ from uuid import UUID, uuid5
 from sqlalchemy import Connection, delete, func, insert, select
 from sqlalchemy.dialects.postgresql import insert as upsert
 
-from semap.errors import Conflict, NotFound
+from semap.errors import Conflict, InvalidInput, NotFound
 from semap.store.concept import concept_id
 from semap.store.database import translated
+from semap.store.name import require_name
 from semap.store.placement import ROOT_FRAME, Placed, insert_frames
 from semap.store.tables import continuous_query, instance, map_, rule, track
 
@@ -23,6 +24,9 @@ MAP_NAMESPACE = UUID("0b5a3c1e-5f0f-5d0c-8a86-5e6b1a2f9c40")
 QUERY = "track_in_room"
 RULE = "room_visits"
 DECLARATION = {"input": QUERY, "emit": {"began": "entered", "ended": "left"}}
+
+
+SMALLEST_CELL_M, LARGEST_CELL_M = 0.1, 1e6
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,13 @@ def create_map(connection: Connection, name: str, cell_m: float = 4.0) -> Map:
     """A new map; the same name always gives the same uid.
 
     cell_m  side of the cells of the region index; about the size of a room
-    raises  Conflict if the name is taken, InvalidInput for an empty name or an unfit cell
+    raises  Conflict if the name is taken, InvalidInput for a name or a cell that will not do
     """
+    require_name(name)
+    if not SMALLEST_CELL_M <= cell_m <= LARGEST_CELL_M:
+        raise InvalidInput(
+            f"cells of {cell_m} m", f"Choose from {SMALLEST_CELL_M} m to {LARGEST_CELL_M:g} m.", "cell_m"
+        )
     with translated():
         map_id = connection.scalar(
             upsert(map_)

@@ -177,7 +177,7 @@ def test_a_map_written_by_hand_comes_out_equal(engine: Engine, tmp_path: Path) -
     [
         ({"instances": (replace(WHOLE.instances[1], frame="nowhere"),)}, "names the frame nowhere"),
         ({"instances": (replace(WHOLE.instances[1], description="none"),)}, "names the description none"),
-        ({"instances": (replace(WHOLE.instances[3], joins=("none",)),)}, "names the instance none"),
+        ({"instances": (replace(WHOLE.instances[3], joins=("none",)),)}, "names the other instance none"),
         ({"instances": (replace(WHOLE.instances[0], concept="None"),)}, "there is no concept None"),
         ({"frames": (FrameEntry("first", None),), "instances": ()}, "no root frame"),
         ({"rules": (replace(WHOLE.rules[0], query="none"),)}, "names the query none"),
