@@ -56,17 +56,16 @@ def _in_utc(stamp: datetime) -> datetime:
         raise ValueError("in UTC it is in no year from 1 to 9999") from error
 
 
-InStamp = Annotated[AwareDatetime, AfterValidator(_in_utc)]
-"""A stamp that a client gives."""
+_AS_RFC3339 = PlainSerializer(rfc3339, return_type=str)
+_RFC3339 = WithJsonSchema(
+    {"type": "string", "format": "date-time", "examples": ["2026-01-31T12:00:00.000000Z"]},
+    mode="serialization",
+)
 
-Stamp = Annotated[
-    datetime,
-    PlainSerializer(rfc3339, return_type=str),
-    WithJsonSchema(
-        {"type": "string", "format": "date-time", "examples": ["2026-01-31T12:00:00.000000Z"]},
-        mode="serialization",
-    ),
-]
+Stamp = Annotated[datetime, _AS_RFC3339, _RFC3339]
+
+InStamp = Annotated[AwareDatetime, AfterValidator(_in_utc), _AS_RFC3339, _RFC3339]
+"""A stamp that a client gives."""
 
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
 
