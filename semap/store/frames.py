@@ -131,7 +131,8 @@ def set_pose(connection: Connection, frame_id: int, pose: Pose, stamp: datetime 
     known = get_frame(connection, frame_id)
     if stamp is None and not known.is_static:
         raise Conflict(
-            f"{known.name} has stamped poses, of which the newest counts.", "Give the pose with a stamp."
+            f"{known.name} has stamped poses, of which the newest counts.",
+            "Give the pose with a stamp: POST /frames/{id}/poses.",
         )
     with translated():
         connection.execute(

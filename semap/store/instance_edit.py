@@ -30,8 +30,9 @@ from semap.store.description import (
     read_geometries,
     reshape,
 )
+from semap.store.frames import set_pose
 from semap.store.maps import map_id_of
-from semap.store.placement import map_from_frames, place_frames, pose_in, require_placeable
+from semap.store.placement import map_from_frames, pose_in
 from semap.store.tables import concept, frame, instance, one_of
 
 Carried = Literal["refuse", "delete", "keep"]
@@ -196,9 +197,10 @@ def _edit_row(connection: Connection, held: Held, changes: Changes) -> None:
 def _place(connection: Connection, held: Held, pose: Pose) -> None:
     with translated():
         parent_id = connection.scalar(select(frame.c.parent_id).where(frame.c.frame_id == held.frame_id))
-    require_placeable(connection, held.frame_id, parent_id)
-    map_T_parent = map_from_frames(connection, [int(parent_id or 0)])[int(parent_id or 0)]
-    place_frames(connection, {held.frame_id: pose_in(map_T_parent, pose)})
+    if parent_id is None:
+        raise Conflict("It stands on a root frame, with other things.", "Put it on a frame of its own first.")
+    map_T_parent = map_from_frames(connection, [parent_id])[parent_id]
+    set_pose(connection, held.frame_id, pose_in(map_T_parent, pose))
 
 
 def _reshape(connection: Connection, held: Held, changes: Changes) -> None:

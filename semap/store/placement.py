@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import Connection, select, text
 
-from semap.errors import Conflict, InvalidInput, NotFound
+from semap.errors import InvalidInput, NotFound
 from semap.geometry.abstractions import FARTHEST_M
 from semap.geometry.pose import pose_from_matrix
 from semap.model.pose import IDENTITY, Pose
@@ -38,9 +38,6 @@ INSERT_POSES = text("""
     on conflict (frame_id, stamp) do update
     set x_m = excluded.x_m, y_m = excluded.y_m, z_m = excluded.z_m,
         qx = excluded.qx, qy = excluded.qy, qz = excluded.qz, qw = excluded.qw
-""")
-HAS_STAMPS = text("""
-    select exists (select from semap.frame_pose where frame_id = :frame_id and stamp > '-infinity')
 """)
 CHAINS = text("""
     with recursive chain (start_id, frame_id, parent_id, depth) as (
@@ -115,22 +112,6 @@ def place_frames(connection: Connection, poses: dict[int, Pose]) -> None:
     columns = {name: [getattr(pose, name) for pose in placed] for name in PARTS}
     with translated():
         connection.execute(INSERT_POSES, {"frame_ids": list(poses), **columns})
-
-
-def require_placeable(connection: Connection, frame_id: int, parent_id: int | None) -> None:
-    """See that a static pose is what says where a frame stands.
-
-    raises  Conflict for a root, on which other things stand, and for a frame with stamped poses
-    """
-    if parent_id is None:
-        raise Conflict("It stands on a root frame, with other things.", "Put it on a frame of its own first.")
-    with translated():
-        stamped = connection.scalar(HAS_STAMPS, {"frame_id": frame_id})
-    if stamped:
-        raise Conflict(
-            "Its frame has stamped poses, of which the newest counts.",
-            "Give a pose with a stamp: POST /frames/{id}/poses.",
-        )
 
 
 def map_from_frames(connection: Connection, frame_ids: Sequence[int]) -> dict[int, NDArray[np.float64]]:
