@@ -1,6 +1,6 @@
 """Run all benchmarks: print a table and write bench/results.json.
 
-python -m bench [throughput] [latency] [abstractions] [operators] [solid]
+python -m bench [throughput] [latency] [abstractions] [operators] [solid] [rules]
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from bench import abstractions, latency, operators, solid, throughput
+from bench import abstractions, latency, operators, rules, solid, throughput
 from semap.cluster import lease
 from semap.store.schema import migrate
 
@@ -54,6 +54,11 @@ BENCHMARKS = {
         "exact 3D predicates on pairs of meshes",
         "boxes apart 1 ms, surfaces apart 100 ms, touching 1 s, at 1,280 triangles",
         lambda dsn: solid.measure(dsn, 3),
+    ),
+    "rules": Benchmark(
+        f"{rules.ROUNDS} rounds of {rules.ROWS:,} rows, the engine and Flink in turn; then memory",
+        "semap's rate at least Flink's, the same matches, memory flat",
+        lambda _: rules.measure(),
     ),
 }
 

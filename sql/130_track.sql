@@ -166,6 +166,30 @@ create or replace trigger track_updated after update on semap.track
   referencing old table as old_track new table as new_track
   for each statement execute function semap.track_updated();
 
+-- A track that is deleted leaves every region it is in. Nobody keeps that it did, but the rule worker reads it in the
+-- log, since what its rules know of the track would hold for ever.
+create or replace function semap.track_leaves() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  if exists (select from semap.map where map_id = old.map_id) then
+    insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
+                                       instance_id, instance_name, kind, cause, stamp, since)
+    select gen_random_uuid(), r.map_id, r.query_id, r.query_name, old.track_id, old.name,
+           r.instance_id, r.instance_name, 'ended', 'map', t.stamp, n.since
+    from semap.relation n
+    join semap.region r using (region_id)
+    join semap.track_now t using (track_id)
+    where n.track_id = old.track_id
+    order by r.instance_uid, r.query_id;
+  end if;
+  return old;
+end $$;
+comment on function semap.track_leaves is
+  'A track that is deleted leaves every region it is in.';
+
+create or replace trigger track_leaves before delete on semap.track
+  for each row execute function semap.track_leaves();
+
 -- With a track go its states and what they changed; a track of the same name starts anew.
 create or replace function semap.track_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$

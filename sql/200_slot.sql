@@ -21,8 +21,8 @@ comment on function semap.create_rule_slot is
 create or replace function semap.rule_json(p_rule semap.rule) returns jsonb
 language sql stable parallel safe as $$
   select jsonb_build_object('map_id', p_rule.map_id, 'name', p_rule.name, 'version', p_rule.version,
-                            'query_id', p_rule.query_id, 'declaration', p_rule.declaration,
-                            'enabled', p_rule.enabled)
+                            'queries', p_rule.queries, 'declaration', p_rule.declaration,
+                            'enabled', p_rule.enabled, 'backfill_from', p_rule.backfill_from, 'seam', p_rule.seam)
 $$;
 comment on function semap.rule_json is
   'What the rule worker knows of a rule, as it also comes through the log.';
@@ -48,3 +48,18 @@ begin
 end $$;
 comment on function semap.replace_rule_slot is
   'Make the rule worker''s slot anew at the present end of the log; whatever it had not read is passed.';
+
+-- Whether this statement sees what a transaction has written, given the lower 32 bits of its number. The log shows a
+-- transaction an instant before other sessions do.
+create or replace function semap.is_visible(p_xid bigint) returns boolean
+language sql stable as $$
+  select pg_visible_in_snapshot(
+    (case when n.xid > n.newest + 2147483648 then n.xid - 4294967296
+          when n.xid < n.newest - 2147483648 then n.xid + 4294967296
+          else n.xid end)::text::xid8, n.snapshot)
+  from (select s.snapshot, s.newest, s.newest - s.newest % 4294967296 + p_xid as xid
+        from (select pg_current_snapshot() as snapshot,
+                     pg_snapshot_xmax(pg_current_snapshot())::text::bigint as newest) s) n
+$$;
+comment on function semap.is_visible is
+  'Whether this statement sees what a transaction has written, given the lower 32 bits of its number.';

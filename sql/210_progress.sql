@@ -1,18 +1,112 @@
--- Commit what a worker made: its events, its state and its place in the log, all or nothing. The
--- place must be where the worker believes it to be, so that of two workers only one goes on. Events
--- are numbered in the order given, without gaps; one that exists already is passed over. Listeners
--- on semap_event are woken. The events of maps that were deleted go first. Gives the number of the last
--- event.
+-- Write events after a number, in the order given and without gaps; one that exists already is passed over. Listeners
+-- on semap_event are woken. Gives the number of the last event.
+create or replace function semap.write_events(p_after bigint, p_events jsonb) returns bigint
+language plpgsql as $$
+declare
+  v_made  bigint;
+begin
+  if coalesce(jsonb_array_length(p_events), 0) = 0 then
+    return p_after;
+  end if;
+
+  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id, track_name,
+                           instance_id, instance_name, key, measures, confidence, by_batch)
+  select p_after + row_number() over (order by e.place), e.event_id, e.map_id, e.rule_name, e.rule_version, e.type,
+         e.stamp, e.since, e.cause, e.track_id, e.track_name, e.instance_id, e.instance_name,
+         coalesce(e.key, '{}'), coalesce(e.measures, '{}'), e.confidence, coalesce(e.by_batch, false)
+  from (
+    select distinct on (e.event_id) listed.place, e.*
+    from jsonb_array_elements(p_events) with ordinality as listed (event, place)
+    cross join lateral jsonb_to_record(listed.event) as e (
+      event_id uuid, map_id integer, rule_name text, rule_version integer, type text, stamp timestamptz,
+      since timestamptz, cause text, track_id bigint, track_name text, instance_id bigint, instance_name text,
+      key jsonb, measures jsonb, confidence double precision, by_batch boolean)
+    where not exists (select from semap.event known where known.event_id = e.event_id)
+    order by e.event_id, listed.place
+  ) e;
+  get diagnostics v_made = row_count;
+
+  insert into semap.event_evidence (event_id, place, uid, variable, source, stamp)
+  select e.event_id, row.place, r.uid, r.variable, r.source, r.stamp
+  from jsonb_to_recordset(p_events) as e (event_id uuid, evidence jsonb)
+  cross join lateral jsonb_array_elements(e.evidence) with ordinality as row (evidence, place)
+  cross join lateral jsonb_to_record(row.evidence) as r (uid uuid, variable text, source text, stamp timestamptz)
+  on conflict do nothing;
+
+  perform pg_notify('semap_event', (p_after + v_made)::text);
+  return p_after + v_made;
+end $$;
+comment on function semap.write_events is
+  'Write events after a number, in the order given and without gaps; one that exists already is passed over.';
+
+-- Delete what was made of maps that are gone.
+create or replace function semap.forget_maps(p_worker text, p_maps integer[]) returns void
+language sql as $$
+  delete from semap.event_evidence v using semap.event e where v.event_id = e.event_id and e.map_id = any (p_maps);
+  delete from semap.event where map_id = any (p_maps);
+  delete from semap.recompute_run where map_id = any (p_maps);
+  delete from semap.pending_row where worker = p_worker and map_id = any (p_maps);
+  delete from semap.late_row where map_id = any (p_maps)
+$$;
+comment on function semap.forget_maps is
+  'Delete what was made of maps that are gone.';
+
+-- Write what changed in the state of rules, and forget that of rules that are in force no more.
+create or replace function semap.write_rule_states(
+  p_worker text, p_rules_before jsonb, p_rules jsonb, p_states jsonb
+) returns void
+language sql as $$
+  delete from semap.rule_state
+  where worker = p_worker
+    and rule_id in (select id::integer from jsonb_object_keys(p_rules_before) id where not p_rules ? id);
+
+  delete from semap.rule_state s
+  using jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
+  where c.state is null and s.worker = p_worker and s.rule_id = c.rule_id and s.key = c.key;
+
+  insert into semap.rule_state (worker, rule_id, key, state)
+  select p_worker, c.rule_id, c.key, c.state
+  from jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
+  where c.state is not null
+  on conflict (worker, rule_id, key) do update set state = excluded.state
+$$;
+comment on function semap.write_rule_states is
+  'Write what changed in the state of rules, and forget that of rules that are in force no more.';
+
+-- Write which rows wait for the watermark, which wait no more, and which came too late for it.
+create or replace function semap.write_rows(p_worker text, p_pending jsonb, p_late jsonb) returns void
+language sql as $$
+  delete from semap.pending_row w
+  using jsonb_to_recordset(p_pending -> 'removed') as r (map_id integer, uid text)
+  where w.worker = p_worker and w.map_id = r.map_id and w.uid = r.uid;
+
+  insert into semap.pending_row (worker, map_id, uid, row)
+  select p_worker, r.map_id, r.uid, r.row
+  from jsonb_to_recordset(p_pending -> 'added') as r (map_id integer, uid text, row jsonb)
+  on conflict (worker, map_id, uid) do update set row = excluded.row;
+
+  insert into semap.late_row (map_id, uid, input, stamp, watermark, row)
+  select r.map_id, r.uid, r.input, r.stamp, r.watermark, r.row
+  from jsonb_to_recordset(p_late) as r (
+    map_id integer, uid text, input text, stamp timestamptz, watermark timestamptz, row jsonb)
+  on conflict (map_id, uid) do nothing
+$$;
+comment on function semap.write_rows is
+  'Write which rows wait for the watermark, which wait no more, and which came too late for it.';
+
+-- Commit what a worker made: events, its state and its place in the log, all or nothing. The place must be where the
+-- worker believes it to be, so that of two workers only one goes on. Rules and watermarks that are null stay as they
+-- are. The events of maps that were deleted go first. Gives the number of the last event.
 create or replace function semap.commit_progress(
   p_worker text, p_before pg_lsn, p_lsn pg_lsn, p_rule_state jsonb, p_watermarks jsonb, p_gone_maps integer[],
-  p_events jsonb
+  p_events jsonb, p_states jsonb default '[]', p_pending jsonb default '{}', p_late jsonb default '[]'
 ) returns bigint
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
-  v_seq   bigint;
-  v_made  bigint;
+  v_known  semap.progress;
+  v_seq    bigint;
 begin
-  select event_seq into v_seq from semap.progress where worker = p_worker and lsn = p_before for update;
+  select * into v_known from semap.progress where worker = p_worker and lsn = p_before for update;
   if not found then
     raise exception 'Another process has moved the progress of worker % on.', p_worker
       using errcode = 'serialization_failure';
@@ -22,35 +116,45 @@ begin
   perform set_config('synchronous_commit', 'on', true);
 
   if cardinality(p_gone_maps) > 0 then
-    delete from semap.event_evidence v using semap.event e
-    where v.event_id = e.event_id and e.map_id = any (p_gone_maps);
-    delete from semap.event where map_id = any (p_gone_maps);
+    perform semap.forget_maps(p_worker, p_gone_maps);
   end if;
-
-  if jsonb_array_length(p_events) > 0 then
-    insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, cause,
-                             track_id, track_name, instance_id, instance_name, since)
-    select v_seq + row_number() over (order by listed.place), e.*
-    from jsonb_array_elements(p_events) with ordinality as listed (event, place)
-    cross join lateral jsonb_to_record(listed.event) as e (
-      event_id uuid, map_id integer, rule_name text, rule_version integer, type text, stamp timestamptz, cause text,
-      track_id bigint, track_name text, instance_id bigint, instance_name text, since timestamptz)
-    where not exists (select from semap.event known where known.event_id = e.event_id);
-    get diagnostics v_made = row_count;
-
-    insert into semap.event_evidence (event_id, change_uid)
-    select e.event_id, change_uid
-    from jsonb_to_recordset(p_events) as e (event_id uuid, evidence uuid[]), unnest(e.evidence) change_uid
-    on conflict do nothing;
-    v_seq := v_seq + v_made;
-    perform pg_notify('semap_event', v_seq::text);
-  end if;
+  v_seq := semap.write_events(v_known.event_seq, p_events);
+  perform semap.write_rule_states(p_worker, v_known.rule_state, coalesce(p_rule_state, v_known.rule_state), p_states);
+  perform semap.write_rows(p_worker, p_pending, p_late);
 
   update semap.progress
-  set lsn = p_lsn, event_seq = v_seq, rule_state = p_rule_state, watermarks = p_watermarks,
-      updated_at = clock_timestamp()
+  set lsn = p_lsn, event_seq = v_seq, rule_state = coalesce(p_rule_state, rule_state),
+      watermarks = coalesce(p_watermarks, watermarks), updated_at = clock_timestamp()
   where worker = p_worker;
   return v_seq;
 end $$;
 comment on function semap.commit_progress is
-  'Commit what a worker made: its events, its state and its place in the log, all or nothing.';
+  'Commit what a worker made: events, its state and its place in the log, all or nothing.';
+
+-- Add events beside the log, such as those of late rows or of a run over the past; the worker goes on meanwhile. Those of
+-- a map that is gone are left out, since the worker may have deleted its events before. Gives how many there were not
+-- before.
+create or replace function semap.add_events(p_worker text, p_events jsonb) returns bigint
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_before  bigint;
+  v_after   bigint;
+begin
+  select event_seq into v_before from semap.progress where worker = p_worker for update;
+  if not found then
+    raise exception 'There is no worker %.', p_worker
+      using errcode = 'no_data_found', hint = 'Run: semap db migrate';
+  end if;
+  -- a map that is there stays until these events are committed, so that the worker finds them when it goes
+  perform from semap.map
+  where map_id in (select (event ->> 'map_id')::integer from jsonb_array_elements(p_events) event)
+  for key share;
+  v_after := semap.write_events(v_before, (
+    select coalesce(jsonb_agg(event order by place), '[]')
+    from jsonb_array_elements(p_events) with ordinality as listed (event, place)
+    where exists (select from semap.map where map_id = (event ->> 'map_id')::integer)));
+  update semap.progress set event_seq = v_after where worker = p_worker;
+  return v_after - v_before;
+end $$;
+comment on function semap.add_events is
+  'Add events beside the log, such as those of late rows or of a run over the past.';

@@ -52,6 +52,42 @@ end $$;
 comment on function semap.instant_of is
   'The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.';
 
+-- What is left of a number divided by another, with the sign of the former; null where that one is 0.
+create or replace function semap.remainder(p_a double precision, p_b double precision) returns double precision
+language sql immutable parallel safe as $$
+  select p_a - p_b * trunc(p_a / nullif(p_b, 0))
+$$;
+comment on function semap.remainder is
+  'What is left of a number divided by another, with the sign of the former; null where that one is 0.';
+
+-- A number to the power of another; null where it has no real value.
+create or replace function semap.real_power(p_a double precision, p_b double precision) returns double precision
+language sql immutable parallel safe as $$
+  select case
+    when p_a = 0 and p_b < 0 then null
+    when p_a < 0 and p_b <> trunc(p_b) then null
+    else power(p_a, p_b) end
+$$;
+comment on function semap.real_power is
+  'A number to the power of another; null where it has no real value.';
+
+-- Whether each of two arrays contains all items of the other.
+create or replace function semap.has_same_items(p_a jsonb, p_b jsonb) returns boolean
+language sql immutable parallel safe as $$
+  select p_a @> p_b and p_b @> p_a
+$$;
+comment on function semap.has_same_items is
+  'Whether each of two arrays contains all items of the other.';
+
+-- Whether an array contains any item of another.
+create or replace function semap.shares_items(p_a jsonb, p_b jsonb) returns boolean
+language sql immutable parallel safe as $$
+  select case when p_a is not null and p_b is not null then
+    exists (select from jsonb_array_elements(p_a) item where p_b @> jsonb_build_array(item)) end
+$$;
+comment on function semap.shares_items is
+  'Whether an array contains any item of another.';
+
 -- A geometry as GeoJSON in metres, to the last digit; the faces of a mesh as a MultiPolygon with heights.
 create or replace function semap.geojson(p_geometry public.geometry) returns jsonb
 language sql immutable strict parallel safe set search_path = public, pg_temp as $$

@@ -28,13 +28,15 @@ begin
   end loop;
 end $$;
 
-grant insert on semap.source, semap.recording, semap.track, semap.track_state to semap_ingest;
-grant update (watermark) on semap.source to semap_ingest;
+grant insert on semap.source, semap.recording, semap.track, semap.track_state, semap.object_state to semap_ingest;
+grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
 grant execute on function semap.ensure_partitions to semap_ingest;
 
-grant execute on function semap.commit_progress to semap_worker;
+grant execute on function semap.commit_progress, semap.add_events, semap.commit_recompute to semap_worker;
+grant update (idle) on semap.source to semap_worker;
+grant update (replayed_at) on semap.late_row to semap_worker;
 
 grant insert, delete, update (name) on semap.map to semap_api;
 grant insert, update, delete on
@@ -42,4 +44,6 @@ grant insert, update, delete on
   semap.frame_pose, semap.description, semap.geometry, semap.abstraction,
   semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_api;
+grant insert on semap.source, semap.object_state to semap_api;
+grant update (watermark, lateness) on semap.source to semap_api;
 grant execute on function semap.undo_change_set to semap_api;

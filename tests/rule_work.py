@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Event as Signal
 from threading import Thread
+from unittest.mock import patch
 
 import psycopg
 
 from semap.store.database import connect
+from semap.worker import rule_worker
 from semap.worker.rule_worker import work
 
 PATIENCE_S = 20.0
@@ -22,15 +24,17 @@ EVENTS = """
 
 @contextmanager
 def running_worker(dsn: str) -> Iterator[Thread]:
+    """It commits and stops sooner than a worker at work, for whoever waits for it."""
     stop = Signal()
     thread = Thread(target=work, args=(dsn, stop), daemon=True)
-    thread.start()
-    try:
-        yield thread
-    finally:
-        stop.set()
-        thread.join(PATIENCE_S)
-        assert not thread.is_alive()
+    with patch.multiple(rule_worker, QUIET_COMMIT_S=0.05, RECEIVE_S=0.05):
+        thread.start()
+        try:
+            yield thread
+        finally:
+            stop.set()
+            thread.join(PATIENCE_S)
+            assert not thread.is_alive()
 
 
 def events(dsn: str) -> list[tuple]:
@@ -72,6 +76,32 @@ def await_events_of(dsn: str, map_id: int, count: int) -> list[tuple]:
                 return rows
             assert time.monotonic() < deadline_s
             Signal().wait(0.01)
+
+
+def await_progress(dsn: str) -> None:
+    """Until the worker has committed everything that is in the log now."""
+    with connect(dsn) as connection:
+        (end,) = connection.execute("select pg_current_wal_insert_lsn()::text").fetchone()
+        # a change of its own at the end, so that there is something to commit after all others
+        connection.execute("update semap.source set idle = idle")
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not connection.execute(
+            "select lsn >= %s::pg_lsn from semap.progress where worker = 'rules'", [end]
+        ).fetchone()[0]:
+            assert time.monotonic() < deadline_s
+            Signal().wait(0.01)
+
+
+def lose_slot(dsn: str) -> None:
+    """Drop the worker's slot, as soon as the server has noticed that the worker is gone."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    with connect(dsn) as connection:
+        while connection.execute(
+            "select active from pg_replication_slots where slot_name = semap.rule_slot()"
+        ).fetchone()[0]:
+            assert time.monotonic() < deadline_s
+            Signal().wait(0.01)
+        connection.execute("select pg_drop_replication_slot(semap.rule_slot())")
 
 
 def _count(connection: psycopg.Connection) -> int:

@@ -44,8 +44,8 @@ class World:
         )
         declaration = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
         self.rule_id = self.one(
-            "insert into semap.rule (map_id, name, query_id, declaration)"
-            " values (%s, 'room_visits', %s, %s) returning rule_id",
+            "insert into semap.rule (map_id, name, queries, declaration)"
+            " values (%s, 'room_visits', jsonb_build_object('track_in_room', %s::int), %s) returning rule_id",
             self.map_id,
             self.query_id,
             json.dumps(declaration),

@@ -45,6 +45,8 @@ class MapMirror:
 
     def apply(self, change: Change) -> None:
         """Take one change; a value that the log leaves out because it is unchanged stays."""
+        if change.table not in KEYS:
+            return
         rows = self.tables[change.table]
         if change.operation == "truncate":
             rows.clear()

@@ -195,7 +195,8 @@ def _write(
             tracks.std_m[rows],
             is_last[rows],
         )
-        _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop))
+        is_over = rows.stop == len(tracks) and not plan.keep_open
+        _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop), is_over)
         done = rows.stop
         yield done
 
@@ -212,8 +213,12 @@ def _commit(
     data: bytes,
     done: int,
     watermark_us: int,
+    is_over: bool,
 ) -> None:
-    """One batch, how far the recording has come with it, and the watermark of its source."""
+    """One batch, how far the recording has come with it, and the watermark of its source.
+
+    is_over  nothing more is to come of the source for now: rules do not wait for it
+    """
     with translated(), connection.transaction(), connection.cursor() as cursor:
         try:
             with cursor.copy(COPY_STATES) as copy:
@@ -232,6 +237,10 @@ def _commit(
             "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
             [to_datetime(watermark_us), registered.source_id],
         )
+        if is_over:
+            cursor.execute(
+                "update semap.source set ended = true where source_id = %s", [registered.source_id]
+            )
 
 
 def _late(connection: psycopg.Connection, source_id: int) -> int:

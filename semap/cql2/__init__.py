@@ -1,6 +1,6 @@
 """Filters in the OGC's Common Query Language (CQL2, OGC 21-065r2): read from text or JSON, and checked."""
 
-from semap.cql2.check import Kind, Kinds, check, kind_of
+from semap.cql2.check import Function, Functions, Kind, Kinds, check, check_parts, kind_of
 from semap.cql2.expression import (
     Array,
     Call,
@@ -18,6 +18,8 @@ __all__ = [
     "Array",
     "Call",
     "Expression",
+    "Function",
+    "Functions",
     "Instant",
     "Interval",
     "Kind",
@@ -26,6 +28,7 @@ __all__ = [
     "Property",
     "Shape",
     "check",
+    "check_parts",
     "kind_of",
     "parse",
     "parts",

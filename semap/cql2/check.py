@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal as Only
 from typing import NoReturn
 
@@ -18,6 +19,24 @@ from semap.errors import InvalidInput
 Kind = Only["boolean", "number", "text", "instant", "interval", "shape", "array", "any", "null"]
 Kinds = Mapping[str, Kind]
 """The kind of each property; one of kind `any` has properties of its own, such as attributes.seats."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function that is asked for beside CQL2's own.
+
+    takes  of each part, the kinds that it may be of
+    gives  its kind; None is that of its last part
+    """
+
+    takes: tuple[tuple[Kind, ...], ...]
+    gives: Kind | None = None
+
+
+Functions = Mapping[str, Function]
+"""By name."""
+
+NO_FUNCTIONS: Functions = {}
 
 LOGIC = ("and", "or", "not")
 COMPARISONS = ("=", "<>", "<", "<=", ">", ">=")
@@ -78,14 +97,14 @@ WANTED: dict[str, tuple[str, ...]] = {
 }
 
 
-def check(expression: Expression, kinds: Kinds) -> None:
+def check(expression: Expression, kinds: Kinds, functions: Functions = NO_FUNCTIONS) -> None:
     """raises InvalidInput unless the expression is a filter: everything in it is known and fits together"""
-    if kind_of(expression, kinds) not in ("boolean", "any"):
+    if kind_of(expression, kinds, functions) not in ("boolean", "any"):
         _refuse(expression, "it is neither true nor false", "Compare it with something.")
-    _check(expression, kinds)
+    check_parts(expression, kinds, functions)
 
 
-def kind_of(expression: Expression, kinds: Kinds) -> Kind:
+def kind_of(expression: Expression, kinds: Kinds, functions: Functions = NO_FUNCTIONS) -> Kind:
     """The kind of a part.
 
     raises  InvalidInput for an unknown property
@@ -109,7 +128,9 @@ def kind_of(expression: Expression, kinds: Kinds) -> Kind:
             return "shape"
         case Array():
             return "array"
-        case Call(op=op):
+        case Call(op=op, args=args):
+            if op in functions:
+                return functions[op].gives or (kind_of(args[-1], kinds, functions) if args else "null")
             if op in ARITHMETIC:
                 return "number"
             return "text" if op in ("casei", "accenti") else "boolean"
@@ -123,19 +144,22 @@ def _literal_kind(value: object) -> Kind:
     return "text" if isinstance(value, str) else "number"
 
 
-def _check(expression: Expression, kinds: Kinds) -> None:
+def check_parts(expression: Expression, kinds: Kinds, functions: Functions = NO_FUNCTIONS) -> None:
+    """raises InvalidInput unless all in the expression, of whatever kind it is, is known and fits together"""
     match expression:
         case Call(op=op, args=args):
-            least = COUNTS.get(op, 2)
+            least = len(functions[op].takes) if op in functions else COUNTS.get(op, 2)
             if len(args) < least or (len(args) > least and op not in ("and", "or")):
                 _refuse(expression, f"{op} of {len(args)} parts", f"Give it {least}.")
             for each in args:
-                _check(each, kinds)
-            _check_kinds(expression, [kind_of(each, kinds) for each in args], kinds)
+                check_parts(each, kinds, functions)
+            found = [kind_of(each, kinds, functions) for each in args]
+            _check_taken(expression, found, functions)
+            _check_kinds(expression, found, kinds, functions)
         case Array(items=items):
             for each in items:
-                _check(each, kinds)
-                if kind_of(each, kinds) in ("array", "shape", "interval", "null"):
+                check_parts(each, kinds, functions)
+                if kind_of(each, kinds, functions) in ("array", "shape", "interval", "null"):
                     _refuse(
                         each,
                         "a list of other things than texts, numbers, times or truth values",
@@ -143,20 +167,27 @@ def _check(expression: Expression, kinds: Kinds) -> None:
                     )
         case Interval(start=start, end=end):
             for side in (start, end):
-                if side is not None and kind_of(side, kinds) not in ("instant", "any"):
+                if side is None:
+                    continue
+                check_parts(side, kinds, functions)
+                if kind_of(side, kinds, functions) not in ("instant", "any"):
                     _refuse(side, "an end of an interval that is no time", "Give a time, or '..'.")
             if isinstance(start, Instant) and isinstance(end, Instant) and start.stamp > end.stamp:
                 _refuse(expression, "an interval that ends before it begins", "Give the earlier time first.")
         case Property():
-            kind_of(expression, kinds)
+            kind_of(expression, kinds, functions)
 
 
-def _check_kinds(call: Call, found: list[Kind], kinds: Kinds) -> None:
-    wanted = WANTED.get(call.op)
-    if wanted is not None:
-        for each, kind in zip(call.args, found, strict=True):
-            if kind != "any" and kind not in wanted:
-                _refuse(each, f"{call.op} of a {kind}", f"Give it a {' or '.join(wanted)}.")
+def _check_taken(call: Call, found: list[Kind], functions: Functions) -> None:
+    wanted: tuple[tuple[str, ...] | None, ...] = (WANTED.get(call.op),) * len(found)
+    if call.op in functions:
+        wanted = functions[call.op].takes
+    for each, kind, allowed in zip(call.args, found, wanted, strict=True):
+        if allowed is not None and kind != "any" and kind not in allowed:
+            _refuse(each, f"{call.op} of a {kind}", f"Give it a {' or '.join(allowed)}.")
+
+
+def _check_kinds(call: Call, found: list[Kind], kinds: Kinds, functions: Functions) -> None:
     if call.op in COMPARISONS:
         _check_alike(call, found, ORDERED if call.op not in ("=", "<>") else (*ORDERED, "boolean"))
     elif call.op == "between":
@@ -169,7 +200,7 @@ def _check_kinds(call: Call, found: list[Kind], kinds: Kinds) -> None:
             _refuse(listed, "in of something that is no list", "Give a list: name in ('a', 'b').")
         for each in listed.items:
             alike = Call("in", (call.args[0], each), each.place)
-            _check_alike(alike, [found[0], kind_of(each, kinds)], (*ORDERED, "boolean"))
+            _check_alike(alike, [found[0], kind_of(each, kinds, functions)], (*ORDERED, "boolean"))
     elif call.op == "isA":
         of = call.args[0]
         if not isinstance(of, Literal) or not isinstance(of.value, str):

@@ -41,8 +41,8 @@ class Instant:
 class Interval:
     """From a moment to a moment, both included; None is without an end on that side."""
 
-    start: Instant | Property | None
-    end: Instant | Property | None
+    start: Instant | Property | Call | None
+    end: Instant | Property | Call | None
     place: str = field(default="", compare=False)
 
 
@@ -82,4 +82,6 @@ def parts(expression: Expression) -> Iterator[Expression]:
             for each in inner:
                 yield from parts(each)
         case Interval(start=start, end=end):
-            yield from (each for each in (start, end) if each is not None)
+            for side in (start, end):
+                if side is not None:
+                    yield from parts(side)

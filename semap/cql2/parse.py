@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 
 import shapely
@@ -24,23 +24,27 @@ LITERALS = ("property", "timestamp", "date", "interval", "bbox", "type", "op")
 CANONICAL = {name.lower(): name for name in OPERATORS}
 
 
-def parse(source: str | Mapping[str, object] | bool, place: str = "filter") -> Expression:
+def parse(
+    source: str | Mapping[str, object] | bool, place: str = "filter", functions: Collection[str] = ()
+) -> Expression:
     """A filter from CQL2 text, or from CQL2 JSON that is read already.
 
-    place   how messages call it
-    raises  InvalidInput with the place that cannot be read
+    place      how messages call it
+    functions  that are known beside CQL2's own; they may also stand as ends of an interval
+    raises     InvalidInput with the place that cannot be read
     """
     if isinstance(source, str) and len(source) > LONGEST:
         raise InvalidInput(f"more than {LONGEST} characters", "Ask in CQL2 JSON, or ask for less.", place)
     document = read_text(source, place) if isinstance(source, str) else source
-    return _Reader().expression(document, place, 0)
+    return _Reader(functions).expression(document, place, 0)
 
 
 class _Reader:
     """Makes the tree and counts its parts."""
 
-    def __init__(self) -> None:
+    def __init__(self, functions: Collection[str]) -> None:
         self.count = 0
+        self.functions = {name.lower(): name for name in functions}
 
     def expression(self, value: object, place: str, depth: int) -> Expression:
         self.count += 1
@@ -63,7 +67,8 @@ class _Reader:
             case {"date": str(day), **rest} if not rest:
                 return _date(day, place)
             case {"interval": [start, end], **rest} if not rest:
-                return Interval(_end_of(start, f"{place}[0]"), _end_of(end, f"{place}[1]"), place)
+                first = self._end_of(start, f"{place}[0]", depth)
+                return Interval(first, self._end_of(end, f"{place}[1]", depth), place)
             case {"bbox": list(bounds), **rest} if not rest:
                 return _bbox(bounds, place)
             case {"type": str(), "coordinates": list() | tuple()}:
@@ -73,20 +78,30 @@ class _Reader:
         )
 
     def _call(self, op: str, args: list[object], place: str, depth: int) -> Call:
-        name = CANONICAL.get(op.lower())
+        canonical = CANONICAL | self.functions
+        name = canonical.get(op.lower())
         if name is None:
-            near = difflib.get_close_matches(op.lower(), CANONICAL, n=1, cutoff=0.7)
-            hint = f"Did you mean {CANONICAL[near[0]]}? " if near else ""
-            raise InvalidInput(
-                f"there is no operator or function {op}", f"{hint}There are {', '.join(OPERATORS)}.", place
-            )
+            near = difflib.get_close_matches(op.lower(), canonical, n=1, cutoff=0.7)
+            hint = f"Did you mean {canonical[near[0]]}? " if near else ""
+            known = ", ".join(canonical.values())
+            raise InvalidInput(f"there is no operator or function {op}", f"{hint}There are {known}.", place)
         inner = (self.expression(each, f"{place}.args[{n}]", depth + 1) for n, each in enumerate(args))
         return Call(name, tuple(inner), place)
 
+    def _end_of(self, value: object, place: str, depth: int) -> Instant | Property | Call | None:
+        match value:
+            case {"op": str(op), "args": list(args), **rest} if not rest and op.lower() in self.functions:
+                return self._call(op, args, place, depth + 1)
+        return _end_of(value, place)
+
 
 def _number(value: float, place: str) -> float:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InvalidInput("a number that is not finite", "Give a number.", place)
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:  # of an int that no float holds
+        finite = False
+    if not finite:
+        raise InvalidInput("a number that is not finite, or too large for a float", "Give a number.", place)
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
 
 

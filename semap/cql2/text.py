@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import shapely
 from shapely.geometry import mapping
@@ -48,6 +49,8 @@ WKT = (
 )
 CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "null": None}
 DEEPEST = 60
+MOST_DIGITS = 400
+"""Of a whole number; one of more is none that a float holds, and takes long to read."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +78,32 @@ def read_text(source: str, place: str) -> object:
     return found
 
 
+def place_of(source: str, place: str, part: str) -> str:
+    """The line and character at which a part begins, or what it stands in.
+
+    source  a text that can be read
+    part    as messages call it, such as filter.args[1]
+    """
+    reading = _Reading(source, place)
+    found: Any = reading.expression(0, 0)
+    start = reading.start_of(found, 0)
+    for step in re.findall(r"\d+", part.removeprefix(place)):
+        if isinstance(found, dict):
+            found = found.get("args") or found.get("interval") or []
+        if not isinstance(found, list) or int(step) >= len(found):
+            break
+        found = found[int(step)]
+        start = reading.start_of(found, start)
+    return reading.place_at(start)
+
+
 class _Reading:
     def __init__(self, source: str, place: str) -> None:
         self.source = source
         self.place = place
         self.tokens = self._tokens()
         self.at = 0
+        self.starts: list[tuple[object, int]] = []
 
     def _tokens(self) -> list[Token]:
         found: list[Token] = []
@@ -114,18 +137,26 @@ class _Reading:
         return self._refused_at(self.next.start, message)
 
     def _refused_at(self, start: int, message: str) -> InvalidInput:
+        return InvalidInput(f"it is no CQL2 text: {message}", STANDARD, self.place_at(start))
+
+    def place_at(self, start: int) -> str:
         line = self.source.count("\n", 0, start) + 1
         character = start - self.source.rfind("\n", 0, start)
-        return InvalidInput(
-            f"it is no CQL2 text: {message}", STANDARD, f"{self.place}, line {line}, character {character}"
-        )
+        return f"{self.place}, line {line}, character {character}"
+
+    def start_of(self, part: object, otherwise: int) -> int:
+        """Where a part of what was read begins."""
+        return next((start for known, start in self.starts if known is part), otherwise)
 
     def expression(self, tightness: int, depth: int) -> object:
         """What binds tighter than `tightness` from here on."""
         if depth > DEEPEST:
             raise self.refused(f"more than {DEEPEST} levels")
+        start = self.next.start
         left = self.operand(depth)
         while True:
+            if isinstance(left, dict | list):
+                self.starts.append((left, start))
             word = self.next.word
             if word in PREDICATES and tightness < PREDICATE:
                 left = self.predicate(left, depth)
@@ -153,7 +184,8 @@ class _Reading:
             return self.named(depth)
         self.take()
         if token.kind == "number":
-            return float(token.text) if re.search(r"[.eE]", token.text) else int(token.text)
+            is_int = token.text.isdecimal() and len(token.text) <= MOST_DIGITS
+            return int(token.text) if is_int else float(token.text)
         if token.kind == "text":
             return _unquoted(token)
         if token.kind == "quoted":

@@ -38,6 +38,22 @@ LOOK_FIELDS = ("geometries", "box", "mesh", "unit", "up", "footprint", "height_m
 UNITS = ("m", "cm", "mm", "inch", "foot")
 AXES = ("x", "y", "z")
 
+RULE_CLAUSES = (
+    "input",
+    "where",
+    "partition_by",
+    "pattern",
+    "define",
+    "measures",
+    "within",
+    "after_match",
+    "when",
+    "formula",
+    "emit",
+    "confidence",
+)
+WHOLE_RULE = ("query", "queries", "declaration")
+
 
 def read_anchor(node: Node) -> Anchor:
     """Where the map lies on the earth."""
@@ -169,22 +185,48 @@ def read_queries(node: Node, draft: Draft) -> None:
 
 
 def read_rules(node: Node, draft: Draft) -> None:
-    """Rules, as a file of rules says them (`input`, `emit`) or with their whole declaration."""
-    for name, entry in node.mapping().items():
-        fields = entry.fields(("query", "declaration", "input", "emit", "enabled"))
+    """Rules, as a file of rules says them (`input`, `emit`, ...) or with their whole declaration."""
+    rules = node.mapping()
+    for name, entry in rules.items():
+        fields = entry.fields((*RULE_CLAUSES, *WHOLE_RULE, "enabled"))
         draft.given("rule", name, entry)
-        if "input" in fields and not {"query", "declaration"} & fields.keys():
-            query = draft.named("query", fields["input"])
+        clauses = [clause for clause in RULE_CLAUSES if clause in fields]
+        if "input" in fields and not fields.keys() & set(WHOLE_RULE):
+            queries = _queries_read(fields["input"], rules, draft)
             declaration: Mapping[str, object] = {
-                "input": query,
-                "emit": _json_mapping(fields["emit"]) if "emit" in fields else {},
+                "emit": {},
+                **{clause: fields[clause].json() for clause in clauses},
             }
-        elif {"query", "declaration"} <= fields.keys() and not {"input", "emit"} & fields.keys():
-            query = draft.named("query", fields["query"])
+        elif "declaration" in fields and not clauses:
+            queries = _queries_named(fields, draft)
             declaration = _json_mapping(fields["declaration"])
         else:
             raise entry.wrong("a rule needs `input` and `emit`", "For example: {input: q, emit: {began: e}}.")
-        draft.rules.append(RuleEntry(name, query, declaration, _enabled(fields)))
+        draft.rules.append(RuleEntry(name, queries, declaration, _enabled(fields)))
+
+
+def _queries_read(node: Node, rules: Mapping[str, Node], draft: Draft) -> tuple[str, ...]:
+    """Of what a rule reads, the queries: one name alone is one, unless it is a rule's."""
+    if not isinstance(node.value, tuple):
+        one = node.mapping().get("query") if isinstance(node.value, Mapping) else node
+        return () if one is None or one.text() in rules else (draft.named("query", one),)
+    found = []
+    for each in node.sequence():
+        if isinstance(each.value, Mapping):
+            found += [draft.named("query", of) for key, of in each.mapping().items() if key == "query"]
+        elif ("query", each.text()) in draft.places:
+            found.append(each.text())
+    return tuple(found)
+
+
+def _queries_named(fields: Mapping[str, Node], draft: Draft) -> tuple[str, ...]:
+    if "query" in fields:  # as it was written before a rule could read several
+        return (draft.named("query", fields["query"]),)
+    return (
+        tuple(draft.named("query", each) for each in fields["queries"].sequence())
+        if "queries" in fields
+        else ()
+    )
 
 
 def read_grids(node: Node, draft: Draft) -> None:

@@ -44,7 +44,11 @@ def map_files(document: MapDocument) -> dict[str, bytes]:
         for each in document.queries
     }
     tree["rules"] = {
-        each.name: {"query": each.query, "declaration": _plain(each.declaration), "enabled": each.enabled}
+        each.name: {
+            "queries": list(each.queries),
+            "declaration": _plain(each.declaration),
+            "enabled": each.enabled,
+        }
         for each in document.rules
     }
     stems = file_names((each.name for each in document.grids), "")

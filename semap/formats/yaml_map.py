@@ -38,7 +38,7 @@ HEAD = ("semap_map", "map", "cell_m", "anchor")
 DEFAULT_QUERY = QueryEntry("track_in_room", "contains", "Room")
 DEFAULT_RULE = RuleEntry(
     "room_visits",
-    DEFAULT_QUERY.name,
+    (DEFAULT_QUERY.name,),
     {"input": DEFAULT_QUERY.name, "emit": {"began": "entered", "ended": "left"}},
 )
 """What every new map starts with, also one from a file that speaks of neither queries nor rules."""

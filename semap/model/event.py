@@ -1,21 +1,41 @@
-"""What a rule made of changes."""
+"""What a rule made of what it read.
+
+Values, though not declared frozen: that makes them four times as dear, and they are made by the thousand.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Literal
 from uuid import UUID
 
-from semap.model.relation import Cause
+
+@dataclass(slots=True)
+class Evidence:
+    """A row that an event rests on.
+
+    variable  that the row is bound to; empty in a rule without a pattern
+    source    what the row is: the change of a relation, a state of an object, a change of the map, an event
+    """
+
+    uid: UUID
+    variable: str
+    source: Literal["relation", "object_state", "map", "event"]
+    stamp: datetime
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Event:
     """Something happened: what, when, between whom, by which rule, and the evidence for it.
 
-    stamp     event time
-    since     when the relation began that began or ended here
-    evidence  uids of the relation changes that made it
+    stamp       event time
+    since       when the relation began that began or ended here; of a pattern: its first row
+    cause       what made the relation begin or end; None in an event of a pattern
+    key         what the rule's partition is about, by the names in `partition_by`
+    measures    what the rule measures, JSON
+    confidence  0 to 1, where the rule says how it falls
     """
 
     event_id: UUID
@@ -24,10 +44,13 @@ class Event:
     rule_version: int
     type: str
     stamp: datetime
-    cause: Cause
-    track_id: int
-    track_name: str
-    instance_id: int
-    instance_name: str
     since: datetime
-    evidence: tuple[UUID, ...]
+    cause: str | None = None
+    track_id: int | None = None
+    track_name: str | None = None
+    instance_id: int | None = None
+    instance_name: str | None = None
+    key: Mapping[str, object] = field(default_factory=dict)
+    measures: Mapping[str, object] = field(default_factory=dict)
+    confidence: float | None = None
+    evidence: tuple[Evidence, ...] = ()

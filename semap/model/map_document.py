@@ -96,10 +96,10 @@ class QueryEntry:
 
 @dataclass(frozen=True, eq=False)
 class RuleEntry:
-    """A rule over the changes of a query."""
+    """A rule, and the queries of the map that it reads."""
 
     name: str
-    query: str
+    queries: tuple[str, ...]
     declaration: Mapping[str, object]
     enabled: bool = True
 

@@ -17,6 +17,11 @@ from semap.errors import UntrustedBytes
 Operation = Literal["insert", "update", "delete", "truncate"]
 Row = dict[str, str | None]
 
+POSTGRES_EPOCH_US = 946_684_800_000_000
+COUNT, LENGTH = struct.Struct("!H"), struct.Struct("!I")
+NULL, UNCHANGED, TEXT = b"nut"
+"""How the values of a row are marked."""
+
 
 @dataclass(frozen=True)
 class Change:
@@ -33,10 +38,16 @@ class Change:
 
 @dataclass(frozen=True)
 class Transaction:
-    """One committed transaction; a reader that has dealt with it goes on at `end_lsn`."""
+    """One committed transaction; a reader that has dealt with it goes on at `end_lsn`.
+
+    committed_at_us  by the server's clock, since 1970 in UTC
+    xid              its number, the lower 32 bits
+    """
 
     end_lsn: int
     changes: tuple[Change, ...]
+    committed_at_us: int = 0
+    xid: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,6 +62,8 @@ class Assembler:
 
     _layouts: dict[int, _Layout] = field(default_factory=dict)
     _open: list[Change] | None = None
+    _committed_at_us: int = 0
+    _xid: int = 0
 
     @property
     def between_transactions(self) -> bool:
@@ -74,13 +87,17 @@ class Assembler:
     def _take(self, kind: str, reader: _Reader) -> Transaction | None:
         match kind:
             case "B":
-                reader.skip(8 + 8 + 4)
+                reader.skip(8)
+                self._committed_at_us = POSTGRES_EPOCH_US + reader.int64()
+                self._xid = reader.uint32()
                 self._open = []
             case "C":
                 if self._open is None:
                     raise UntrustedBytes("The replication stream commits a transaction that never began.")
                 reader.skip(1 + 8)
-                transaction = Transaction(reader.uint64(), tuple(self._open))
+                transaction = Transaction(
+                    reader.uint64(), tuple(self._open), self._committed_at_us, self._xid
+                )
                 reader.skip(8)
                 self._open = None
                 return transaction
@@ -159,6 +176,9 @@ class _Reader:
     def uint64(self) -> int:
         return int(struct.unpack("!Q", self._take(8))[0])
 
+    def int64(self) -> int:
+        return int(struct.unpack("!q", self._take(8))[0])
+
     def string(self) -> str:
         end = self._message.find(b"\0", self._at)
         if end < 0:
@@ -168,19 +188,25 @@ class _Reader:
         return value
 
     def row(self, columns: tuple[str, ...]) -> Row:
-        if self.uint16() != len(columns):
+        """In one go: it is most of what a message holds."""
+        message, at = self._message, self._at + COUNT.size
+        if COUNT.unpack_from(message, self._at)[0] != len(columns):
             raise IndexError("a row and its layout differ in length")
         row: Row = {}
         for name in columns:
-            match self.text(1):
-                case "n":
-                    row[name] = None
-                case "u":
-                    pass
-                case "t":
-                    row[name] = self.text(self.uint32())
-                case other:
-                    raise IndexError(f"value of kind {other!r}")
+            kind = message[at]
+            at += 1
+            if kind == TEXT:
+                begin = at + LENGTH.size
+                at = begin + LENGTH.unpack_from(message, at)[0]
+                if at > len(message):
+                    raise IndexError("message too short")
+                row[name] = message[begin:at].decode()
+            elif kind == NULL:
+                row[name] = None
+            elif kind != UNCHANGED:
+                raise IndexError(f"value of kind {kind}")
+        self._at = at
         return row
 
     def _take(self, count: int) -> bytes:

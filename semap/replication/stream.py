@@ -20,9 +20,9 @@ from psycopg.conninfo import make_conninfo
 from psycopg.pq.abc import PGconn
 
 from semap.errors import ServerUnavailable, SlotLost, UntrustedBytes
-from semap.replication.pgoutput import Assembler, Transaction, format_lsn
+from semap.replication.pgoutput import POSTGRES_EPOCH_US, Assembler, Transaction, format_lsn
 
-POSTGRES_EPOCH_S = 946_684_800
+POSTGRES_EPOCH_S = POSTGRES_EPOCH_US / 1e6
 STATUS_INTERVAL_S = 5.0
 OBJECT_IN_USE = b"55006"
 UNDEFINED_OBJECT = b"42704"

@@ -1,73 +1,125 @@
-"""What a rule says.
+"""What a rule says, read and found valid.
 
-The first form of a rule names a continuous query and the events for both edges of its relations:
-
-    name: room_visits
-    input: track_in_room
-    emit: {began: entered, ended: left}
+Four kinds of rules are told apart by their clauses: both edges of a relation (no pattern), a row pattern, a
+relation between two intervals, and a formula of metric temporal logic.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
-from semap.errors import InvalidInput
+from semap.cql2 import Expression
+from semap.rules.formula import Formula
+from semap.rules.pattern import Node
 
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,99}\Z")
-CLAUSES = ("name", "input", "emit")
-EDGES = ("began", "ended")
+
+@dataclass(frozen=True)
+class Input:
+    """What a rule reads.
+
+    kind            None: a query of the map, else a rule, else an object's property of this name
+    actor_within_m  rows get their actor: the likeliest track within this distance of the instance
+    """
+
+    name: str
+    kind: Literal["query", "object_state", "map", "rule"] | None = None
+    actor_within_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Windows:
+    """How far rows of one match may lie apart; each is exclusive, None is without bound.
+
+    match_us   any row from the first
+    step_us    a row from the one bound before it
+    variables  the same for the rows bound to one variable
+    """
+
+    match_us: int | None = None
+    step_us: int | None = None
+    variables: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AfterMatch:
+    """Where the next match may begin."""
+
+    skip: Literal["none", "to next", "past last", "to first", "to last"] = "past last"
+    variable: str = ""
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """How sure a match is: the share of gaps that are at least as long as its own.
+
+    first, last  variables between whose first and last row the gap lies
+    parameters   lognormal: median_s, sigma; normal: mean_s, std_s; exponential: mean_s
+    at_least     a match below it makes no event
+    """
+
+    first: str
+    last: str
+    distribution: Literal["lognormal", "normal", "exponential"]
+    parameters: Mapping[str, float]
+    at_least: float = 0.0
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Each row makes the event that `emit` names for its type."""
+
+
+@dataclass(frozen=True)
+class RowPattern:
+    """Rows in an order; `emit` names the events of a match and of a partial match that timed out."""
+
+    node: Node
+
+
+@dataclass(frozen=True)
+class IntervalPattern:
+    """Two intervals in one of these relations (Allen's, by CQL2's names); `emit` names the event `match`."""
+
+    left: str
+    relations: frozenset[str]
+    right: str
+
+
+@dataclass(frozen=True)
+class TemporalFormula:
+    """A formula asked whenever the variable `when` becomes true; `emit` names the events holds and fails."""
+
+    formula: Formula
+    when: str | None = None
+
+
+Body: TypeAlias = Edges | RowPattern | IntervalPattern | TemporalFormula
 
 
 @dataclass(frozen=True)
 class Declaration:
-    """One declaration gives the events of both edges; an edge without a name gives none."""
+    """A rule as it was declared.
+
+    emit      names of events: by the type of a row (edges), else by match, timeout, holds, fails
+    define    the condition of each variable
+    document  its clauses as JSON, without the name: what is stored
+    """
 
     name: str
-    input: str
-    began: str | None
-    ended: str | None
+    inputs: tuple[Input, ...]
+    body: Body
+    emit: Mapping[str, str]
+    where: Expression | None = None
+    partition_by: tuple[str, ...] = ()
+    define: Mapping[str, Expression] = field(default_factory=dict)
+    measures: Mapping[str, Expression] = field(default_factory=dict)
+    within: Windows = field(default_factory=Windows)
+    after_match: AfterMatch = field(default_factory=AfterMatch)
+    confidence: Confidence | None = None
+    document: Mapping[str, object] = field(default_factory=dict)
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> Mapping[str, object]:
         """What is stored of it beside its name."""
-        emit = {edge: getattr(self, edge) for edge in EDGES if getattr(self, edge) is not None}
-        return {"input": self.input, "emit": emit}
-
-
-def parse_declaration(document: object, name: str | None = None) -> Declaration:
-    """Read a declaration from parsed YAML or JSON; `name` stands in for a missing clause `name`.
-
-    raises InvalidInput naming the clause
-    """
-    if not isinstance(document, Mapping):
-        raise InvalidInput("a rule is a mapping of clauses", f"Its clauses are {', '.join(CLAUSES)}.")
-    for clause in document:
-        if clause not in CLAUSES:
-            raise InvalidInput(
-                "there is no such clause", f"The clauses are {', '.join(CLAUSES)}.", str(clause)
-            )
-    emit = document.get("emit")
-    if not isinstance(emit, Mapping) or not emit:
-        raise InvalidInput(
-            "names of events for began, ended or both are needed",
-            "For example: emit: {began: entered, ended: left}",
-            "emit",
-        )
-    for edge in emit:
-        if edge not in EDGES:
-            raise InvalidInput("there is no such edge", "The edges are began and ended.", f"emit.{edge}")
-    return Declaration(
-        name=_name(document.get("name", name), "name"),
-        input=_name(document.get("input"), "input"),
-        began=_name(emit["began"], "emit.began") if "began" in emit else None,
-        ended=_name(emit["ended"], "emit.ended") if "ended" in emit else None,
-    )
-
-
-def _name(value: object, where: str) -> str:
-    if not isinstance(value, str) or not NAME.match(value):
-        raise InvalidInput(
-            "a name is needed", "Use up to 100 letters, digits, _, - and . beginning with a letter.", where
-        )
-    return value
+        return self.document

@@ -6,7 +6,7 @@ Numbers are compared as double precision, texts by code points.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
@@ -19,6 +19,7 @@ from sqlalchemy import (
     Numeric,
     Text,
     and_,
+    any_,
     bindparam,
     case,
     cast,
@@ -29,9 +30,9 @@ from sqlalchemy import (
     not_,
     null,
     or_,
-    select,
 )
-from sqlalchemy.dialects.postgresql import ARRAY, JSONB
+from sqlalchemy.dialects.postgresql import ARRAY, JSONB, array
+from sqlalchemy.sql.elements import Grouping
 
 from semap.cql2 import (
     Array,
@@ -81,11 +82,9 @@ ARITHMETIC_SQL: Mapping[str, Callable[[Sql, Sql], Sql]] = {
     "*": lambda a, b: a * b,
     "/": lambda a, b: a / func.nullif(b, 0),
     "div": lambda a, b: func.trunc(a / func.nullif(b, 0)),
-    "%": lambda a, b: a - b * func.trunc(a / func.nullif(b, 0)),
-    # what has no real value is unknown
-    "^": lambda a, b: case(
-        ((a == 0) & (b < 0), null()), ((a < 0) & (b != func.trunc(b)), null()), else_=func.power(a, b)
-    ),
+    # functions, since what would name a part twice doubles with each level
+    "%": lambda a, b: func.semap.remainder(a, b, type_=Double),
+    "^": lambda a, b: func.semap.real_power(a, b, type_=Double),
 }
 
 
@@ -194,7 +193,8 @@ class _Translation:
             case Call(op="or"):
                 return or_(*(self.of_kind(each, "boolean") for each in call.args))
             case Call(op="not", args=(inner,)):
-                return not_(self.of_kind(inner, "boolean"))
+                # in parentheses, since NOT binds looser than what may be asked of it
+                return Grouping(not_(self.of_kind(inner, "boolean")))
             case Call(op="isNull", args=(inner,)):
                 return self.sql(inner).is_(None)
             case Call(op="isA", args=(Literal(value=str(concept)),)):
@@ -208,8 +208,16 @@ class _Translation:
             case Call(op="between", args=(inner, low, high)):
                 return and_(self.compared(">=", inner, low), self.compared("<=", inner, high))
             case Call(op="in", args=(inner, Array(items=items))):
-                return or_(false(), *(self.compared("=", inner, each) for each in items))
+                return self.listed(inner, items)
         return self.pair(call)
+
+    def listed(self, inner: Expression, items: Sequence[Expression]) -> Sql:
+        kind = self.kind(inner)
+        if kind == "any" or not items:
+            return or_(false(), *(self.compared("=", inner, each) for each in items))
+        # not `in`: the server makes a comparison with each of what is no constant, and copies the left side
+        listed = array([self.of_kind(each, kind) for each in items])
+        return _comparable(self.sql(inner), kind) == any_(listed)
 
     def pair(self, call: Call) -> Sql:
         """What the operators of two parts are."""
@@ -219,7 +227,7 @@ class _Translation:
         if call.op in ARITHMETIC:
             return ARITHMETIC_SQL[call.op](self.of_kind(a, "number"), self.of_kind(b, "number"))
         if call.op in SPATIAL:
-            return SPATIAL_SQL[call.op](self.sql(a), self.sql(b))
+            return SPATIAL_SQL[call.op](self.of_kind(a, "shape"), self.of_kind(b, "shape"))
         if call.op in TEMPORAL:
             return TEMPORAL_SQL[call.op](self.span(a), self.span(b))
         assert call.op in ARRAYS, call.op  # noqa: S101  (checked)
@@ -260,6 +268,8 @@ def _typed(json: Sql, kind: Kind) -> Sql:
         return func.semap.instant_of(
             case((func.jsonb_typeof(json) == "string", plain), else_=null()), type_=STAMP
         )
+    if kind == "shape":
+        return func.public.st_geomfromwkb(null())
     value: Sql = plain
     if kind == "number":
         # jsonb keeps numbers that no float holds; a case keeps the cast from being tried on them
@@ -288,7 +298,5 @@ def _array_call(op: str, a: Sql, b: Sql) -> Sql:
         case "a_containedBy":
             return b.op("@>", is_comparison=True)(a)
         case "a_equals":
-            return and_(a.op("@>", is_comparison=True)(b), b.op("@>", is_comparison=True)(a))
-    item = func.jsonb_array_elements(a).column_valued("item")
-    shared = select(item).where(b.op("@>", is_comparison=True)(func.jsonb_build_array(item))).exists()
-    return case((and_(a.is_not(None), b.is_not(None)), shared), else_=null())
+            return func.semap.has_same_items(a, b)
+    return func.semap.shares_items(a, b)

@@ -236,9 +236,8 @@ def _queries(connection: Connection, map_id: int) -> tuple[QueryEntry, ...]:
 def _rules(connection: Connection, map_id: int) -> tuple[RuleEntry, ...]:
     with translated():
         rows = connection.execute(
-            select(rule.c.name, continuous_query.c.name, rule.c.declaration, rule.c.enabled)
-            .join(continuous_query, continuous_query.c.query_id == rule.c.query_id)
+            select(rule.c.name, rule.c.queries, rule.c.declaration, rule.c.enabled)
             .where(rule.c.map_id == map_id)
             .order_by(rule.c.name)
         )
-        return tuple(RuleEntry(*row) for row in rows)
+        return tuple(RuleEntry(name, tuple(sorted(queries)), *rest) for name, queries, *rest in rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import Connection, delete, insert, select, text
+from sqlalchemy import Connection, insert, select, text
 
 from semap.errors import InvalidInput
 from semap.geometry.abstractions import derive
@@ -88,11 +88,9 @@ def import_map(connection: Connection, document: MapDocument) -> tuple[Finding, 
     _require_whole(document)
     derived = [(each, derive(each.geometries)) for each in document.descriptions]
     notes = _make_concepts(connection, document.concepts)
-    made = create_map(connection, document.name, document.cell_m)
+    made = create_map(connection, document.name, document.cell_m, with_visits=False)
     if document.anchor is not None:
         set_anchor(connection, document.name, document.anchor)
-    with translated():
-        connection.execute(delete(continuous_query).where(continuous_query.c.map_id == made.map_id))
     _insert_frames(connection, made.map_id, document.frames)
     ids = insert_descriptions(
         connection, made.map_id, [each.key if each.is_shared else None for each in document.descriptions]
@@ -133,7 +131,7 @@ def _require_whole(document: MapDocument) -> None:
             for j in e.joins
             if j not in names - {e.name}
         ),
-        *(("query", e.query, e.name) for e in document.rules if e.query not in queries),
+        *(("query", q, e.name) for e in document.rules for q in e.queries if q not in queries),
     ]
     for kind, name, owner in missing:
         raise InvalidInput(f"{owner} names the {kind} {name}, which is not there", f"Add the {kind}.", owner)
@@ -284,7 +282,7 @@ def _insert_queries(connection: Connection, map_id: int, document: MapDocument) 
                 insert(rule).values(
                     map_id=map_id,
                     name=each.name,
-                    query_id=query_ids[each.query],
+                    queries={name: query_ids[name] for name in each.queries},
                     declaration=dict(each.declaration),
                     enabled=each.enabled,
                 )

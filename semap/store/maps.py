@@ -42,10 +42,11 @@ class Map:
     tracks: int
 
 
-def create_map(connection: Connection, name: str, cell_m: float = 4.0) -> Map:
+def create_map(connection: Connection, name: str, cell_m: float = 4.0, *, with_visits: bool = True) -> Map:
     """A new map; the same name always gives the same uid.
 
-    cell_m  side of the cells of the region index; about the size of a room
+    cell_m       side of the cells of the region index; about the size of a room
+    with_visits  with the query and the rule for who enters and leaves which room
     raises  Conflict if the name is taken, InvalidInput for a name or a cell that will not do
     """
     require_name(name)
@@ -63,6 +64,12 @@ def create_map(connection: Connection, name: str, cell_m: float = 4.0) -> Map:
     if map_id is None:
         raise Conflict(f"There is a map {name} already.", "Choose another name, or delete that map first.")
     insert_frames(connection, map_id, [Placed(ROOT_FRAME, None)])
+    if with_visits:
+        _add_visits(connection, map_id)
+    return get_map(connection, name)
+
+
+def _add_visits(connection: Connection, map_id: int) -> None:
     room = concept_id(connection, "Room")
     with translated():
         query_id = connection.scalar(
@@ -71,9 +78,8 @@ def create_map(connection: Connection, name: str, cell_m: float = 4.0) -> Map:
             .returning(continuous_query.c.query_id)
         )
         connection.execute(
-            insert(rule).values(map_id=map_id, name=RULE, query_id=query_id, declaration=DECLARATION)
+            insert(rule).values(map_id=map_id, name=RULE, queries={QUERY: query_id}, declaration=DECLARATION)
         )
-    return get_map(connection, name)
 
 
 def list_maps(connection: Connection, *, after: str = "", limit: int = 1000) -> tuple[Map, ...]:

@@ -10,7 +10,7 @@ from semap.errors import Conflict, NotFound
 from semap.store.concept import concept_id
 from semap.store.database import translated
 from semap.store.maps import map_id_of
-from semap.store.tables import concept, continuous_query, map_, rule
+from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,11 @@ def delete_query(connection: Connection, query_id: int) -> None:
     """raises NotFound, Conflict while a rule reads it"""
     query = get_query(connection, query_id)
     with translated():
-        reading = connection.scalars(select(rule.c.name).where(rule.c.query_id == query_id)).all()
+        reading = connection.scalars(
+            select(rule.c.name)
+            .join(rule_query, rule_query.c.rule_id == rule.c.rule_id)
+            .where(rule_query.c.query_id == query_id)
+        ).all()
         if reading:
             raise Conflict(
                 f"Rules read the query {query.name}: {', '.join(sorted(reading))}.", "Delete them first."

@@ -30,7 +30,7 @@ from sqlalchemy import (
     any_,
     literal,
 )
-from sqlalchemy.dialects.postgresql import ENUM, JSONB, TIMESTAMP
+from sqlalchemy.dialects.postgresql import ENUM, INTERVAL, JSONB, TIMESTAMP
 from sqlalchemy.types import UserDefinedType
 
 METADATA = MetaData(schema="semap")
@@ -253,6 +253,9 @@ source = Table(
     _text("name"),
     Column("watermark", STAMP, nullable=False),
     Column("late_states", BigInteger, nullable=False),
+    Column("lateness", INTERVAL, nullable=False),
+    Column("idle", Boolean, nullable=False),
+    Column("ended", Boolean, nullable=False),
     UniqueConstraint("map_id", "name"),
 )
 
@@ -387,6 +390,22 @@ relation_change = Table(
     Column("received_at", STAMP, nullable=False),
 )
 
+object_state = Table(
+    "object_state",
+    METADATA,
+    _id("object_state_id", BigInteger),
+    Column("uid", Uuid, nullable=False, unique=True),
+    Column("map_id", Integer, nullable=False),
+    _ref("source_id", "source.source_id"),
+    Column("instance_id", BigInteger, nullable=False),
+    *(_text(name) for name in ("instance_name", "property", "value")),
+    _text("previous", nullable=True),
+    Column("stamp", STAMP, nullable=False),
+    Column("since", STAMP),
+    Column("attributes", JSONB, nullable=False),
+    Column("received_at", STAMP, nullable=False),
+)
+
 rule = Table(
     "rule",
     METADATA,
@@ -394,10 +413,34 @@ rule = Table(
     _ref("map_id", "map.map_id"),
     _text("name"),
     Column("version", Integer, nullable=False),
-    _ref("query_id", "continuous_query.query_id"),
     Column("declaration", JSONB, nullable=False),
     Column("enabled", Boolean, nullable=False),
+    Column("queries", JSONB, nullable=False),
+    Column("backfill_from", STAMP),
+    Column("seam", JSONB),
     UniqueConstraint("map_id", "name"),
+)
+
+rule_query = Table(
+    "rule_query",
+    METADATA,
+    _ref("rule_id", "rule.rule_id", primary_key=True),
+    Column(
+        "query_id",
+        ForeignKey("semap.continuous_query.query_id", deferrable=True, initially="DEFERRED"),
+        primary_key=True,
+    ),
+)
+
+rule_version = Table(
+    "rule_version",
+    METADATA,
+    Column("rule_id", Integer, primary_key=True, autoincrement=False),
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    _ref("map_id", "map.map_id"),
+    _text("name"),
+    Column("declaration", JSONB, nullable=False),
+    Column("declared_at", STAMP, nullable=False),
 )
 
 progress = Table(
@@ -411,6 +454,39 @@ progress = Table(
     Column("updated_at", STAMP, nullable=False),
 )
 
+rule_state = Table(
+    "rule_state",
+    METADATA,
+    Column("worker", Text, primary_key=True),
+    Column("rule_id", Integer, primary_key=True, autoincrement=False),
+    Column("key", Text, primary_key=True),
+    Column("state", JSONB, nullable=False),
+)
+
+pending_row = Table(
+    "pending_row",
+    METADATA,
+    Column("worker", Text, primary_key=True),
+    Column("map_id", Integer, primary_key=True, autoincrement=False),
+    Column("uid", Text, primary_key=True),
+    Column("row", JSONB, nullable=False),
+)
+
+late_row = Table(
+    "late_row",
+    METADATA,
+    _id("late_row_id", BigInteger),
+    Column("map_id", Integer, nullable=False),
+    _text("uid"),
+    _text("input"),
+    Column("stamp", STAMP, nullable=False),
+    Column("watermark", STAMP, nullable=False),
+    Column("row", JSONB, nullable=False),
+    Column("received_at", STAMP, nullable=False),
+    Column("replayed_at", STAMP),
+    UniqueConstraint("map_id", "uid"),
+)
+
 event = Table(
     "event",
     METADATA,
@@ -421,18 +497,49 @@ event = Table(
     Column("rule_version", Integer, nullable=False),
     _text("type"),
     Column("stamp", STAMP, nullable=False),
-    _text("cause"),
-    Column("track_id", BigInteger, nullable=False),
-    _text("track_name"),
-    Column("instance_id", BigInteger, nullable=False),
-    _text("instance_name"),
+    _text("cause", nullable=True),
+    Column("track_id", BigInteger),
+    _text("track_name", nullable=True),
+    Column("instance_id", BigInteger),
+    _text("instance_name", nullable=True),
     Column("since", STAMP, nullable=False),
     Column("created_at", STAMP, nullable=False),
+    Column("key", JSONB, nullable=False),
+    Column("measures", JSONB, nullable=False),
+    Column("confidence", Double),
+    Column("by_batch", Boolean, nullable=False),
 )
 
 event_evidence = Table(
     "event_evidence",
     METADATA,
     Column("event_id", ForeignKey("semap.event.event_id"), primary_key=True),
-    Column("change_uid", Uuid, primary_key=True),
+    Column("uid", Uuid, nullable=False),
+    Column("place", Integer, primary_key=True, autoincrement=False),
+    _text("variable"),
+    _text("source"),
+    Column("stamp", STAMP, nullable=False),
+)
+
+recompute_run = Table(
+    "recompute_run",
+    METADATA,
+    _id("run_id"),
+    Column("map_id", Integer, nullable=False),
+    Column("from_stamp", STAMP, nullable=False),
+    Column("to_stamp", STAMP, nullable=False),
+    Column("settings", JSONB, nullable=False),
+    Column("started_at", STAMP, nullable=False),
+    Column("finished_at", STAMP),
+    Column("counts", JSONB, nullable=False),
+)
+
+event_amendment = Table(
+    "event_amendment",
+    METADATA,
+    Column("event_id", ForeignKey("semap.event.event_id", ondelete="CASCADE"), primary_key=True),
+    _text("verdict"),
+    Column("by_event_id", ForeignKey("semap.event.event_id", ondelete="CASCADE")),
+    _ref("run_id", "recompute_run.run_id"),
+    Column("amended_at", STAMP, nullable=False),
 )

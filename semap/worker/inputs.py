@@ -1,94 +1,153 @@
-"""What the rule worker reads off the log."""
+"""What the rule worker reads off the log beside rows: rules, sources, maps that go, edited instances."""
 
 from __future__ import annotations
 
 import json
 import logging
-from datetime import datetime
-from uuid import UUID
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from semap.errors import InvalidInput, UntrustedBytes
-from semap.model.relation import RelationChange
-from semap.replication.pgoutput import Change, Row
-from semap.rules.engine import Rule, RuleChanged
+from semap.errors import InvalidInput
+from semap.replication.pgoutput import Change
+from semap.rules.rule import Rule
+from semap.rules.sources import NEVER_US
+from semap.timeline.stamp import parse_stamp
+from semap.worker.input_row import integer_of, text_of
 
 log = logging.getLogger(__name__)
 
+KINDS = {"insert": "added", "update": "changed", "delete": "removed"}
+NET_KINDS = {
+    ("added", "changed"): "added",
+    ("added", "removed"): None,
+    ("changed", "removed"): "removed",
+    ("removed", "added"): "changed",
+}
+"""What two changes of an instance in one transaction are together; else the later one."""
 
-def rule_input(change: Change) -> RelationChange | RuleChanged | None:
-    """The input of the rules that a change of a table is; None for one that is none.
 
-    raises UntrustedBytes if a row lacks a column or holds a value of another type
+@dataclass(frozen=True)
+class RuleChange:
+    """A rule was added or edited, or removed (`rule` is None).
+
+    backfill_from_us  from when on it is to run over what is stored; None: it is not
+    seam              the last rows that were stored before it, as the database noted them
     """
+
+    rule_id: int
+    rule: Rule | None
+    backfill_from_us: int | None = None
+    seam: Mapping[str, int] | None = None
+
+
+@dataclass(frozen=True)
+class SourceChange:
+    """A source as it is now.
+
+    watermark_us  NEVER_US where it has given none yet
+    has_ended     nothing more is to come of it for now
+    """
+
+    map_id: int
+    source_id: int
+    watermark_us: int
+    lateness_us: int
+    has_ended: bool = False
+
+
+def rule_change(change: Change) -> RuleChange | None:
+    """What a change of a table does to the rules; None where that is nothing.
+
+    raises KeyError, ValueError or InvalidInput if a column is missing or holds something else
+    """
+    if change.table != "rule" or change.operation == "truncate":
+        return None
+    rule_id = integer_of(change.row, "rule_id")
+    if change.operation == "delete":
+        return RuleChange(rule_id, None)
+    row = change.row
+    document: dict[str, object] = {
+        "map_id": text_of(row, "map_id"),
+        "version": text_of(row, "version"),
+        "enabled": text_of(row, "enabled") == "t",
+        "name": text_of(row, "name"),
+        "declaration": json.loads(text_of(row, "declaration")),
+        "queries": json.loads(text_of(row, "queries")),
+    }
+    rule = read_rule(rule_id, document)
+    backfill_from, seam = row["backfill_from"], row["seam"]
+    return RuleChange(
+        rule_id,
+        rule,
+        None if backfill_from is None else parse_stamp(backfill_from),
+        None if seam is None else json.loads(seam),
+    )
+
+
+def read_rule(rule_id: int, document: Mapping[str, object]) -> Rule | None:
+    """A rule of its document; None for one that cannot be read: one row may not stop all others."""
     try:
-        if change.table == "relation_change" and change.operation == "insert":
-            return _relation_change(change.row)
-        if change.table == "rule" and change.operation in ("insert", "update"):
-            return _rule_changed(change.row)
-        if change.table == "rule" and change.operation == "delete":
-            return RuleChanged(_integer(change.row, "rule_id"), None)
-    except (KeyError, ValueError) as error:
-        raise UntrustedBytes(f"A row of {change.table} is not as expected: {error}") from error
-    return None
+        return Rule.from_json(rule_id, document)
+    except InvalidInput as error:
+        log.error("Rule %d is not in force, since it cannot be read: %s", rule_id, error)
+        return None
+
+
+def is_ended_by_the_map(change: Change) -> bool:
+    """Whether a change is a relation that ended since the map was edited under it."""
+    return (
+        change.table == "relation_change"
+        and change.operation == "insert"
+        and change.row["kind"] == "ended"
+        and change.row["cause"] == "map"
+    )
+
+
+def source_change(change: Change) -> SourceChange | None:
+    """What a change of a table says of a source; raises as `rule_change` does."""
+    if change.table != "source" or change.operation not in ("insert", "update"):
+        return None
+    watermark = text_of(change.row, "watermark")
+    return SourceChange(
+        integer_of(change.row, "map_id"),
+        integer_of(change.row, "source_id"),
+        NEVER_US if watermark == "-infinity" else parse_stamp(watermark),
+        _interval_us(text_of(change.row, "lateness")),
+        text_of(change.row, "ended") == "t",
+    )
+
+
+def deleted_source(change: Change) -> int | None:
+    """The id of a source that a change deletes."""
+    return _deleted(change, "source")
 
 
 def deleted_map(change: Change) -> int | None:
     """The id of a map that a change deletes."""
-    if change.table != "map" or change.operation != "delete":
+    return _deleted(change, "map")
+
+
+def map_changes(changes: Iterable[Change]) -> Mapping[int, str]:
+    """Instances that a transaction added, changed or removed, by id, each once."""
+    kinds: dict[int, str] = {}
+    for change in changes:
+        if change.table != "instance" or change.operation not in KINDS:
+            continue
+        instance_id, kind = integer_of(change.row, "instance_id"), KINDS[change.operation]
+        before = kinds.pop(instance_id, None)
+        net = NET_KINDS.get((before or "", kind), kind)
+        if net is not None:
+            kinds[instance_id] = net
+    return kinds
+
+
+def _deleted(change: Change, table: str) -> int | None:
+    if change.table != table or change.operation != "delete":
         return None
-    return _integer(change.row, "map_id")
+    return integer_of(change.row, f"{table}_id")
 
 
-def watermark(change: Change) -> tuple[str, str] | None:
-    """The id of a source and its watermark (RFC 3339) where a change carries one."""
-    if change.table != "source" or change.operation not in ("insert", "update"):
-        return None
-    text = change.row["watermark"]
-    if text is None or text == "-infinity":
-        return None
-    return str(change.row["source_id"]), datetime.fromisoformat(text).isoformat()
-
-
-def _relation_change(row: Row) -> RelationChange:
-    return RelationChange(
-        uid=UUID(_text(row, "uid")),
-        map_id=_integer(row, "map_id"),
-        query_id=_integer(row, "query_id"),
-        track_id=_integer(row, "track_id"),
-        track_name=_text(row, "track_name"),
-        instance_id=_integer(row, "instance_id"),
-        instance_name=_text(row, "instance_name"),
-        kind="began" if _text(row, "kind") == "began" else "ended",
-        cause=_text(row, "cause"),  # type: ignore[arg-type]
-        stamp=datetime.fromisoformat(_text(row, "stamp")),
-        since=datetime.fromisoformat(_text(row, "since")),
-    )
-
-
-def _rule_changed(row: Row) -> RuleChanged:
-    """A rule that cannot be read is out of force: one row may not stop all others."""
-    rule_id = _integer(row, "rule_id")
-    document = {
-        "map_id": _text(row, "map_id"),
-        "query_id": _text(row, "query_id"),
-        "version": _text(row, "version"),
-        "enabled": _text(row, "enabled") == "t",
-        "name": _text(row, "name"),
-        "declaration": json.loads(_text(row, "declaration")),
-    }
-    try:
-        return RuleChanged(rule_id, Rule.from_json(document))
-    except InvalidInput as error:
-        log.error("Rule %d is not in force, since it cannot be read: %s", rule_id, error)
-        return RuleChanged(rule_id, None)
-
-
-def _text(row: Row, column: str) -> str:
-    value = row[column]
-    if value is None:
-        raise ValueError(f"{column} is null")
-    return value
-
-
-def _integer(row: Row, column: str) -> int:
-    return int(_text(row, column))
+def _interval_us(text: str) -> int:
+    """Of an interval in hours, minutes and seconds, the only form that lateness has in the database."""
+    hours, minutes, seconds = text.split(":")
+    return round((int(hours) * 3600 + int(minutes) * 60 + float(seconds)) * 1e6)

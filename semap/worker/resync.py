@@ -1,26 +1,81 @@
 """Makes a lost replication slot again, and catches up from the tables what went past it.
 
-Everything since shortly before the worker's last commit is given to the rules once more; an event
-that exists keeps its id and is passed over.
+Everything since shortly before the worker's last commit is given to the rules once more, as if the log
+brought it; an event that exists keeps its id and is passed over. Rows that rules had taken in order are not
+given to them again.
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator, Sequence
+
 import psycopg
+from psycopg.rows import dict_row
 
 from semap.errors import Conflict
 from semap.model.event import Event
-from semap.replication.pgoutput import Change, parse_lsn
-from semap.rules.engine import RuleSet
+from semap.replication.pgoutput import Change, Transaction, parse_lsn
+from semap.rules.row import Row
+from semap.rules.run_over import run_over
+from semap.rules.sources import NEVER_US
 from semap.store.database import connect, translated
-from semap.worker.inputs import rule_input
-from semap.worker.rule_worker import ROLE, WORKER, Made, Progress, commit_progress
+from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.worker.input_row import READERS
+from semap.worker.map_facts import load_map_facts
+from semap.worker.progress import ROLE, WORKER, Made, Progress, commit_progress, load_progress
+from semap.worker.stretch import Stretch
 
-SINCE = """
-    select to_jsonb(c) from semap.relation_change c, semap.progress p
-    where p.worker = %s and c.received_at > p.updated_at - interval '10 minutes'
-    order by c.change_id
-"""
+SINCE = {
+    "relation_change": """
+        select map_id::text, uid::text, query_name, track_id::text, track_name, instance_id::text,
+               instance_name, kind::text, cause::text, stamp::text, since::text,
+               case when c.received_at > p.updated_at then 't' else 'f' end as is_new
+        from semap.relation_change c, semap.progress p
+        where p.worker = %(worker)s and c.received_at > p.updated_at - interval '10 minutes'
+        order by c.change_id
+    """,
+    "object_state": """
+        select map_id::text, uid::text, property, value, previous, instance_id::text, instance_name,
+               stamp::text, since::text, attributes::text,
+               case when o.received_at > p.updated_at then 't' else 'f' end as is_new
+        from semap.object_state o, semap.progress p
+        where p.worker = %(worker)s and o.received_at > p.updated_at - interval '10 minutes'
+        order by o.object_state_id
+    """,
+}
+NOW = {
+    "rule": """
+        select rule_id::text, map_id::text, name, version::text, declaration::text, queries::text,
+               case when enabled then 't' else 'f' end as enabled, backfill_from::text, seam::text
+        from semap.rule order by rule_id
+    """,
+    "source": """
+        select source_id::text, map_id::text, watermark::text, lateness::text,
+               case when ended then 't' else 'f' end as ended
+        from semap.source order by source_id
+    """,
+}
+
+
+GONE = {
+    "source": """
+        select k.source_id::text
+        from semap.progress p, jsonb_each(p.watermarks -> 'maps') m,
+             jsonb_object_keys(m.value -> 'sources') as k (source_id)
+        where p.worker = %(worker)s
+          and not exists (select from semap.source s where s.source_id = k.source_id::integer)
+    """,
+    "map": """
+        select k.map_id::text
+        from (select jsonb_object_keys(p.watermarks -> 'maps')::integer
+              from semap.progress p where p.worker = %(worker)s
+              union select distinct map_id from semap.event
+              union select map_id from semap.pending_row
+              union select map_id from semap.late_row) as k (map_id)
+        where not exists (select from semap.map m where m.map_id = k.map_id)
+    """,
+}
 
 
 def resync(dsn: str) -> int:
@@ -48,25 +103,67 @@ def _is_active(connection: psycopg.Connection) -> bool:
 
 def _catch_up(connection: psycopg.Connection) -> int:
     row = connection.execute(
-        "select p.lsn::text, p.event_seq, s.confirmed_flush_lsn::text,"
-        " coalesce((select jsonb_object_agg(r.rule_id, semap.rule_json(r)) from semap.rule r), '{}'),"
-        " p.watermarks"
+        "select p.event_seq, s.confirmed_flush_lsn::text, clock_timestamp()"
         " from semap.progress p, pg_replication_slots s"
         " where p.worker = %s and s.slot_name = semap.rule_slot()",
         [WORKER],
     ).fetchone()
     if row is None:
         return 0
-    before, event_seq, lsn, rule_state, watermarks = row
-    rules = RuleSet.from_json(rule_state)
-    events: list[Event] = []
-    for (document,) in connection.execute(SINCE, [WORKER]).fetchall():
-        change = Change("relation_change", "insert", {key: str(value) for key, value in document.items()})
-        item = rule_input(change)
-        if item is not None:
-            rules, made = rules.step(item)
-            events.extend(made)
-    after = Progress(parse_lsn(lsn), rules, watermarks)
-    made_in_all = commit_progress(connection, parse_lsn(before), after, Made(tuple(events)))
+    event_seq, lsn, now = row
+    progress = load_progress(connection)
+    progress.facts = load_map_facts(connection)
+    known_rules = list(progress.engine.rules)
+    given_again, missed = _rows(connection, progress)
+    rules = _changes(connection, "rule", NOW["rule"])
+    there = {int(change.row["rule_id"] or 0) for change in rules}
+    gone = [
+        Change("rule", "delete", {"rule_id": str(rule_id)}) for rule_id in known_rules if rule_id not in there
+    ]
+    changes = (*gone, *rules, *missed, *_changes(connection, "source", NOW["source"]), *_gone(connection))
+    stretch = Stretch(connection, progress, time.monotonic())
+    stretch.take(Transaction(parse_lsn(lsn), changes, (now - EPOCH) // MICROSECOND), time.monotonic())
+    made = Made((*_at_once(progress, given_again), *stretch.made.events), stretch.made.gone_maps)
+    newest = commit_progress(connection, 0, progress, made)
     connection.commit()
-    return made_in_all - int(event_seq)
+    return newest - int(event_seq)
+
+
+def _gone(connection: psycopg.Connection) -> list[Change]:
+    """Sources and maps that are not there any more."""
+    return [
+        Change(table, "delete", found.row)
+        for table, statement in GONE.items()
+        for found in _changes(connection, table, statement)
+    ]
+
+
+def _rows(connection: psycopg.Connection, progress: Progress) -> tuple[list[tuple[int, Row]], list[Change]]:
+    """Rows that rules had taken in order, by map, and those that they may not have."""
+    taken: list[tuple[int, Row]] = []
+    missed: list[Change] = []
+    for table, statement in SINCE.items():
+        for change in _changes(connection, table, statement):
+            map_id = int(change.row["map_id"] or 0)
+            row = READERS[table](change.row, progress.facts)
+            if row is None:
+                continue
+            if change.row["is_new"] == "f" and row.stamp_us <= progress.engine.released_us(map_id):
+                taken.append((map_id, row))
+            else:
+                missed.append(change)
+    return taken, missed
+
+
+def _at_once(progress: Progress, taken: Sequence[tuple[int, Row]]) -> Iterator[Event]:
+    """The events of rules that need no order."""
+    for map_id in {map_id for map_id, _ in taken}:
+        rules = [rule for rule in progress.engine.rules.values() if rule.map_id == map_id]
+        yield from run_over(rules, [row for of_map, row in taken if of_map == map_id], NEVER_US)
+
+
+def _changes(connection: psycopg.Connection, table: str, statement: str) -> list[Change]:
+    """Rows as the log would bring them."""
+    with connection.cursor(row_factory=dict_row) as cursor:
+        cursor.execute(statement, {"worker": WORKER})
+        return [Change(table, "insert", row) for row in cursor]

@@ -40,9 +40,14 @@ class Selection:
 
     map: str | None = None
     type: str | None = None
+    rule: str | None = None
 
     def takes(self, event: StoredEvent) -> bool:
-        return self.map in (None, event.map) and self.type in (None, event.type)
+        return (
+            self.map in (None, event.map)
+            and self.type in (None, event.type)
+            and self.rule in (None, event.rule)
+        )
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,12 @@ class Feed:
         with transaction(self._engine) as connection:
             newest = newest_event(connection)
             events = list_events(
-                connection, after=after, limit=limit, map_name=selection.map, event_type=selection.type
+                connection,
+                after=after,
+                limit=limit,
+                map_name=selection.map,
+                event_type=selection.type,
+                rule_name=selection.rule,
             )
         last = events[-1].seq if events else after
         is_full = len(events) == limit

@@ -13,7 +13,7 @@ from semap.errors import InvalidInput, NotFound
 from semap.formats import read_building, read_map
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
-from semap.rules.declaration import parse_declaration
+from semap.rules.reading import parse_declaration
 from semap.store.building import DOOR, ImportReport, import_building
 from semap.store.map_import import import_map
 from semap.store.maps import create_map, list_maps
@@ -75,11 +75,17 @@ def bring_in(
 
 def _require_rules(document: MapDocument) -> None:
     """raises InvalidInput for a rule that would never be in force"""
+    known = {each.name for each in document.queries}
     for each in document.rules:
         declaration = parse_declaration({"name": each.name, **each.declaration}, each.name)
-        if declaration.input != each.query:
+        read = {
+            i.name for i in declaration.inputs if i.kind == "query" or (i.kind is None and i.name in known)
+        }
+        if read != set(each.queries):
             raise InvalidInput(
-                f"the input is {declaration.input}, and the query {each.query}", "Let them agree.", each.name
+                f"the inputs that are queries are {sorted(read)}, and the queries {sorted(each.queries)}",
+                "Let them agree.",
+                each.name,
             )
 
 

@@ -149,7 +149,7 @@ def places(error: RequestValidationError) -> list[Place]:
     ]
 
 
-async def _beyond(request: Request, error: Exception) -> JSONResponse:
+async def _beyond(request: Request, error: BaseException) -> JSONResponse:
     """A request nested too deeply, with a number too large, or with text that is none."""
     log.warning("%s %s: %r", request.method, request.url.path, error)
     return problem_response(
@@ -194,6 +194,8 @@ async def _validation_error(request: Request, error: Exception) -> JSONResponse:
 async def _http_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)  # noqa: S101  (registered for it)
     status = HTTPStatus(error.status_code)
+    if status == HTTPStatus.BAD_REQUEST and error.__cause__ is not None and _is_json(request):
+        return await _beyond(request, error.__cause__)  # JSON, but too deep, or with a number too long
     headers = dict(error.headers or {})
     if status == HTTPStatus.METHOD_NOT_ALLOWED:
         headers["Allow"] = ", ".join(_methods(request)) or headers.get("Allow", "GET")
@@ -214,6 +216,10 @@ async def _unexpected(request: Request, error: Exception) -> JSONResponse:
         kind="internal",
         remedy="The log of the service says what; please report it.",
     )
+
+
+def _is_json(request: Request) -> bool:
+    return request.headers.get("Content-Type", "").partition(";")[0].strip().endswith("json")
 
 
 def _methods(request: Request) -> list[str]:

@@ -81,6 +81,16 @@ def test_queries_and_rules(database: str) -> None:
     states = {row["name"]: row["enabled"] for row in json.loads(done(database, "rule", "list", "--json"))}
     assert states == {"room_visits": True, "comings": False}
     assert "comings" in semap(database, "query", "delete", "2").stderr
+    later = rule.replace("came", "arrived")
+    said = done(database, "rule", "add", "-", "--map", "home", "--replace", "--backfill", "all", stdin=later)
+    assert "Rule 2 replaced: comings, version 2, over in_any_space; it runs over the past as well." in said
+    assert "version 3" in done(database, "rule", "replace", "comings", "-", stdin=rule)
+    versions = json.loads(done(database, "rule", "versions", "comings", "--json"))
+    assert [each["declaration"]["emit"]["began"] for each in versions] == ["came", "arrived", "came"]
+    assert "No row came late." in done(database, "rule", "late", "--map", "home")
+    ready = done(database, "rule", "template", "dwell", "--set", "name=stayed", "--set", "duration=1 min")
+    assert "Rule 3 made: stayed" in done(database, "rule", "add", "-", "--map", "home", stdin=ready)
+    done(database, "rule", "delete", "stayed")
     done(database, "rule", "delete", "2")
     done(database, "query", "delete", "2")
     assert [row["name"] for row in json.loads(done(database, "query", "list", "--json"))] == ["track_in_room"]
@@ -110,7 +120,7 @@ def test_a_wrong_call_says_what_to_do(database: str, arguments: list[str], messa
 
 
 @pytest.mark.parametrize(
-    "rule", ["name: [", "name: r\ninput: q\n", "name: r\ninput: nowhere\nemit: {began: x}\n"]
+    "rule", ["name: [", "name: r\ninput: q\n", "name: r\ninput: {query: nowhere}\nemit: {began: x}\n"]
 )
 def test_a_wrong_rule_changes_nothing(database: str, rule: str) -> None:
     done(database, "map", "create", "home")

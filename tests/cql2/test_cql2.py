@@ -160,6 +160,8 @@ def test_no_length_or_depth_ends_the_process(unit: str, count: int) -> None:
         ("made > TIMESTAMP('2026-01-31T12:00:00')", "filter.args[1]", "no time zone", "Z"),
         ("T_AFTER(made, INTERVAL('2026-02-01','2026-01-01'))", "filter.args[1]", "ends before", "earlier"),
         ("isA(name)", "filter.args[0]", "no name", "Room"),
+        (f"size < {10**400}", "filter.args[1]", "not finite", "number"),
+        ("size < " + "9" * 5_000, "filter.args[1]", "not finite", "number"),
         ("name = 'a' AND", "filter, line 1, character 15", "no CQL2 text: a value", "OGC"),
         ({"op": "=", "args": [{"property": "name"}]}, "filter", "= of 1 parts", "2"),
         ({"op": "=", "args": [{"property": "name"}, {"evil": 1}]}, "filter.args[1]", "none of", "JSON"),

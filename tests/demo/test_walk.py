@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
+from semap_service.demo import record_doors
 from semap_service.demo.record_walk import FOLDER, record
 from shapely import LineString, Point, Polygon
 
@@ -54,6 +55,8 @@ def visited(office: Building, path: NDArray[np.float64]) -> list[str]:
 def test_running_the_script_again_writes_the_same_bytes(office: Building) -> None:
     assert record(office).encode() == WALK.read_bytes()
     assert WALK.stat().st_size <= 100_000
+    doors = record_doors.record(office, WALK.read_text().splitlines())
+    assert doors.encode() == (FOLDER / "doors.csv").read_bytes()
 
 
 def test_the_office_is_one_concave_hallway_with_five_rooms_around_it(office: Building) -> None:

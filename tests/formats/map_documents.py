@@ -153,7 +153,7 @@ def map_documents(draw):
     )  # fmt: skip
     queries = tuple(QueryEntry(name, draw(NAMES), draw(NAMES), draw(st.booleans())) for name in unique(2))
     rules = tuple(
-        RuleEntry(name, draw(st.sampled_from(queries)).name, draw(ATTRIBUTES), draw(st.booleans()))
+        RuleEntry(name, (draw(st.sampled_from(queries)).name,), draw(ATTRIBUTES), draw(st.booleans()))
         for name in (unique(2) if queries else ())
     )
     concepts = tuple(

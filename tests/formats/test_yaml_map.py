@@ -87,7 +87,29 @@ def test_the_short_form_of_the_documentation(tmp_path: Path) -> None:
     assert world_pose(document, "D2")[:3, 3] == pytest.approx([5.45, 9, 0])
     assert document.concepts == tuple(map(ConceptEntry, ("Storey", "Room", "Door", "Table", "Lamp")))
     assert [each.name for each in document.queries] == ["track_in_room"]
-    assert [each.query for each in document.rules] == ["track_in_room"]
+    assert [each.queries for each in document.rules] == [("track_in_room",)]
+
+
+def test_rules_read_several_queries_objects_and_rules(tmp_path: Path) -> None:
+    """A name alone is the query of that name, else whatever the map will have of it; old files name one query."""
+    text = """
+    map: m
+    queries: {inside: {concept: Room}, near: {concept: Door}}
+    rules:
+      visits: {input: inside, emit: {began: came}}
+      pairs: {input: [inside, door, {query: near}], pattern: A B, within: 2 s, emit: pair}
+      more: {input: visits, pattern: A A, within: 2 s, emit: twice}
+      doors: {input: {object_state: door}, emit: {open: opened}}
+      old: {query: near, declaration: {input: near, emit: {began: came}}, enabled: false}
+    """
+    document = read_map(written(tmp_path, text))
+    assert [(each.name, each.queries, each.enabled) for each in document.rules] == [
+        ("visits", ("inside",), True), ("pairs", ("inside", "near"), True), ("more", (), True),
+        ("doors", (), True), ("old", ("near",), False),
+    ]  # fmt: skip
+    assert document.rules[1].declaration == {
+        "input": ["inside", "door", {"query": "near"}], "pattern": "A B", "within": "2 s", "emit": "pair",
+    }  # fmt: skip
 
 
 def test_the_full_form_of_the_documentation(tmp_path: Path) -> None:

@@ -37,6 +37,8 @@ def test_snapshot_then_changes(world: World) -> None:
     world.add_room("goes", shapely.box(20, 20, 21, 21))
     with Follower(world.dsn) as follower:
         assert follower.wait_ready(PATIENCE_S)
+        # what others need of the map passes by
+        world.run("insert into semap.door_room select min(instance_id), max(instance_id) from semap.instance")
         assert set(follower.footprints("world", "Room")) == {"before", "goes"}
         world.add_room("after", moved)
         world.edit_room("before", moved)
@@ -68,8 +70,9 @@ def test_a_mirror_that_lost_its_connection_starts_anew(world: World) -> None:
                           " and database = current_database()")  # fmt: skip
         world.add_room("new", shapely.box(0, 0, 1, 1))
         until(lambda: "new" in follower.footprints("world", "Room"))
-    assert world.rows("select slot_name from pg_replication_slots where temporary"
-                      " and database = current_database() and active") == []  # fmt: skip
+    # the server lets a slot go a moment after its client went
+    until(lambda: not world.rows("select slot_name from pg_replication_slots where temporary"
+                                 " and database = current_database() and active"))  # fmt: skip
 
 
 def test_count_inside() -> None:

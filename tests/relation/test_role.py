@@ -17,14 +17,18 @@ REFUSED = {
         "delete from semap.relation_change", "delete from semap.event", "update semap.progress set event_seq = 9",
         "delete from semap.track_state", "update semap.rule set enabled = false",
         "update semap.track set source_id = 1", "update semap.source set map_id = 1",
+        "delete from semap.object_state", "update semap.source set idle = true", "update semap.object_state set value = ''",
         "select semap.commit_progress('rules', '0/0', '0/0', '{}', '{}', '{}', '[]')",
     ],
     "semap_worker": [
         STATE, "delete from semap.instance", "update semap.rule set enabled = false", "delete from semap.relation",
         "delete from semap.event", "update semap.event set type = 'x'", "delete from semap.relation_change",
+        "delete from semap.object_state", "update semap.source set watermark = now()", "delete from semap.late_row",
     ],
     "semap_api": [
         STATE, "delete from semap.event", "delete from semap.relation_change", "update semap.progress set event_seq = 9",
+        "delete from semap.object_state", "delete from semap.rule_version", "delete from semap.rule_query",
+        "delete from semap.rule_state", "select semap.add_events('rules', '[]')",
         "delete from semap.relation", "update semap.track_now set live = true", "update semap.region set z_min_m = 0",
         "update semap.map set cell_m = 1", "select semap.ensure_partitions(array[current_date])",
         "select semap.commit_progress('rules', '0/0', '0/0', '{}', '{}', '{}', '[]')",

@@ -23,7 +23,7 @@ def tuple_data(*values: str | None) -> bytes:
     return struct.pack("!H", len(values)) + b"".join(text(value) for value in values)
 
 
-BEGIN = b"B" + struct.pack("!QQI", 500, 0, 7)
+BEGIN = b"B" + struct.pack("!QqI", 500, -1_000_000, 7)
 COMMIT = b"C\0" + struct.pack("!QQQ", 500, 540, 0)
 LAYOUT = (
     b"R" + struct.pack("!I", 16) + b"semap\0rule\0d" + struct.pack("!H", 2)
@@ -57,7 +57,7 @@ CHANGES = (
 def test_a_transaction_comes_whole_at_its_commit() -> None:
     assembler = Assembler()
     given_out = [assembler.feed(message) for message in MESSAGES]
-    assert given_out == [None] * 10 + [Transaction(540, CHANGES)]
+    assert given_out == [None] * 10 + [Transaction(540, CHANGES, 946_684_799_000_000, 7)]
     assert assembler.between_transactions
 
 

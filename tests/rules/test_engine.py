@@ -1,104 +1,327 @@
-"""The rules as a state machine: same inputs, same events; one declaration, both edges."""
+"""The engine: each kind of rule over a small scene, and what time, order, cuts and changes of rules may do."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from datetime import UTC, datetime
-from uuid import UUID
+from uuid import UUID, uuid5
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from scene import (
+    ALL,
+    BOTH_STAYED,
+    CLOSES_SOON,
+    CROWDED,
+    DOORS,
+    DURING,
+    MAP,
+    OPENED_THEN_ENTERED,
+    QUERIES,
+    ROOMS,
+    STAYED,
+    TIMED_OUT,
+    VISITS,
+    S,
+    door,
+    rule,
+    visit,
+)  # fmt: skip
 
 from semap.errors import InvalidInput
-from semap.model.relation import RelationChange
-from semap.rules.declaration import parse_declaration
-from semap.rules.engine import Rule, RuleChanged, RuleSet
-
-T = datetime(2026, 1, 31, 12, tzinfo=UTC)
-BEGAN = RelationChange(UUID(int=1), 1, 5, 10, "ann", 20, "kitchen", "began", "moved", T, T)
-ENDED = replace(BEGAN, uid=UUID(int=2), kind="ended")
-VISITS = Rule(1, 5, 1, True, parse_declaration(
-    {"name": "room_visits", "input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
-))  # fmt: skip
+from semap.model.event import Event, Evidence
+from semap.rules import matching
+from semap.rules.engine import Engine
+from semap.rules.event_identity import EVENT_NAMESPACE
+from semap.rules.rule_order import order_of_rules
+from semap.rules.run_over import run_over
+from semap.timeline.stamp import to_datetime
 
 
-def play(state: RuleSet, *items: RelationChange | RuleChanged):
-    events = []
-    for item in items:
-        state, made = state.step(item)
-        events.extend(made)
-    return state, events
+def engine_of(*documents: dict) -> Engine:
+    engine = Engine()
+    for rule_id, document in enumerate(documents, 1):
+        engine.change_rule(rule_id, rule(rule_id, document))
+    return engine
 
 
-def test_one_declaration_gives_both_edges_with_their_evidence() -> None:
-    _, events = play(RuleSet(), RuleChanged(3, VISITS), BEGAN, ENDED)
-    assert [(e.type, e.track_name, e.instance_name, e.stamp, e.evidence) for e in events] == [
-        ("entered", "ann", "kitchen", T, (UUID(int=1),)),
-        ("left", "ann", "kitchen", T, (UUID(int=2),)),
-    ]
+def at(stamp_s: float):
+    return to_datetime(round(stamp_s * S))
+
+
+def arrive(engine: Engine, *rows) -> list[Event]:
+    return [event for row in rows for event in engine.arrive(MAP, row)]
+
+
+def release(engine: Engine, at_s: float, source_id: int = 1, lateness_s: float = 0) -> list[Event]:
+    engine.watermark(MAP, source_id, round(at_s * S), round(lateness_s * S))
+    return engine.release()
+
+
+def told(events: Iterable[Event]) -> list[tuple[str, float]]:
+    return [(event.type, (event.stamp - at(0)).total_seconds()) for event in events]
+
+
+def test_one_declaration_gives_both_edges_at_once_with_their_evidence() -> None:
+    engine = engine_of(VISITS)
+    began, ended = visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "ended", 5, since_s=1)
+    (entered,), (left,) = arrive(engine, began), arrive(engine, ended)
+    assert left == Event(
+        event_id=left.event_id, map_id=MAP, rule_name="visits", rule_version=1, type="left",
+        stamp=at(5), since=at(1), cause="moved", track_id=31, track_name="ann", instance_id=11,
+        instance_name="kitchen", evidence=(Evidence(UUID(ended.uid), "", "relation", at(5)),),
+    )  # fmt: skip
+    assert (entered.type, entered.stamp, entered.since) == ("entered", at(1), at(1))
+    assert release(engine, 100) == []
 
 
 def test_ids_follow_from_rule_version_type_and_evidence() -> None:
-    _, (event,) = play(RuleSet(), RuleChanged(3, VISITS), BEGAN)
-    assert event.event_id.version == 5
-    _, (same,) = play(RuleSet(), RuleChanged(77, VISITS), replace(BEGAN, track_id=11, instance_id=21))
+    row = visit("ann", "kitchen", "began", 1)
+    (event,) = run_over([rule(3, VISITS)], [row], 0)
+    assert event.event_id == uuid5(EVENT_NAMESPACE, f"visits|1|entered|{row.uid}")
+    (same,) = run_over([rule(77, VISITS)], [replace(row, values={**row.values, "track_id": 99})], 0)
     assert same.event_id == event.event_id
-    for other_rule, other_change in [
-        (replace(VISITS, version=2), BEGAN),
-        (replace(VISITS, declaration=replace(VISITS.declaration, name="other")), BEGAN),
-        (replace(VISITS, declaration=replace(VISITS.declaration, began="came")), BEGAN),
-        (VISITS, replace(BEGAN, uid=UUID(int=9))),
-    ]:
-        _, (other,) = play(RuleSet(), RuleChanged(3, other_rule), other_change)
-        assert other.event_id != event.event_id
+    others = [
+        run_over([rule(3, VISITS, version=2)], [row], 0),
+        run_over([rule(3, VISITS | {"name": "other"})], [row], 0),
+        run_over([rule(3, VISITS | {"emit": {"began": "came"}})], [row], 0),
+        run_over([rule(3, VISITS)], [replace(row, uid=str(UUID(int=9)))], 0),
+    ]
+    assert len({event.event_id, *(other.event_id for (other,) in others)}) == 5
 
 
-def test_a_rule_is_in_force_from_its_place_in_the_log() -> None:
-    only_left = replace(VISITS, version=2, declaration=replace(VISITS.declaration, began=None))
-    _, events = play(
-        RuleSet(), BEGAN, RuleChanged(3, VISITS), BEGAN, RuleChanged(3, only_left), BEGAN, ENDED,
-        RuleChanged(3, replace(only_left, enabled=False)), ENDED, RuleChanged(3, only_left), ENDED,
-        RuleChanged(3, None), ENDED,
+def test_a_pattern_waits_for_the_watermark_and_goes_by_room_and_actor() -> None:
+    engine = engine_of(OPENED_THEN_ENTERED)
+    opened, entered = door("kitchen_door", "open", 1, actor="ann"), visit("ann", "kitchen", "began", 4)
+    # they arrive in the wrong order, and bob is not who opened the door
+    assert arrive(engine, entered, visit("bob", "kitchen", "began", 2), opened) == []
+    assert release(engine, 3.9) == []
+    (event,) = release(engine, 4)
+    assert event == Event(
+        event_id=event.event_id, map_id=MAP, rule_name="opened_then_entered", rule_version=1,
+        type="entered_by_door", stamp=at(4), since=at(1), track_id=31, track_name="ann",
+        instance_id=11, instance_name="kitchen", key={"room": "kitchen"}, measures={"gap_s": 3.0},
+        evidence=(
+            Evidence(UUID(opened.uid), "O", "object_state", at(1)),
+            Evidence(UUID(entered.uid), "E", "relation", at(4)),
+        ),
     )  # fmt: skip
-    assert [(e.type, e.rule_version) for e in events] == [("entered", 1), ("left", 2), ("left", 2)]
 
 
-def test_a_rule_hears_only_its_own_query() -> None:
-    _, events = play(RuleSet(), RuleChanged(3, VISITS), replace(BEGAN, query_id=6))
-    assert events == []
+def test_one_row_of_two_rooms_makes_an_event_in_each() -> None:
+    opened_and_closed = {
+        "name": "open_shortly", "input": {"object_state": "door"}, "partition_by": "room", "pattern": "O C",
+        "define": {"O": "type = 'open'", "C": "type = 'closed'"}, "emit": "open_shortly",
+    }  # fmt: skip
+    rows = [door("kitchen_door", "open", 1), door("kitchen_door", "closed", 2)]
+    events = run_over([rule(1, opened_and_closed)], rows, 10 * S)
+    assert sorted(event.key["room"] for event in events) == ["hall", "kitchen"]
+    assert len({event.event_id for event in events}) == 2
 
 
-@given(st.lists(st.one_of(
-    st.sampled_from([BEGAN, ENDED, replace(BEGAN, query_id=6)]),
-    st.tuples(st.integers(1, 3), st.one_of(st.none(), st.booleans(), st.integers(1, 9))).map(
-        lambda p: RuleChanged(p[0], None if p[1] is None else replace(VISITS, enabled=p[1] is not False,
-                                                                      version=int(p[1]) + 1))),
-), max_size=20), st.integers(0, 20))  # fmt: skip
-def test_any_cut_with_the_state_stored_between_gives_the_same(items: list, cut: int) -> None:
-    whole_state, whole = play(RuleSet(), *items)
-    state, first = play(RuleSet(), *items[:cut])
-    end_state, second = play(RuleSet.from_json(state.as_json()), *items[cut:])
-    assert first + second == whole
-    assert end_state.as_json() == whole_state.as_json()
+def test_an_actor_counts_within_the_distance_that_the_rule_says() -> None:
+    rows = [door("kitchen_door", "open", 1, actor="ann", distance_m=1.6), visit("ann", "kitchen", "began", 2)]
+    assert run_over([rule(1, OPENED_THEN_ENTERED)], rows, 10 * S) == []
+    wide = OPENED_THEN_ENTERED | {"input": ["track_in_room", {"object_state": "door", "actor_within_m": 2}]}
+    assert len(run_over([rule(1, OPENED_THEN_ENTERED), rule(2, wide | {"name": "wide"})], rows, 10 * S)) == 1
 
 
-@pytest.mark.parametrize(
-    ("document", "where"),
-    [
-        ("text", "mapping"),
-        ({"name": "r", "input": "q"}, "emit"),
-        ({"name": "r", "input": "q", "emit": {}}, "emit"),
-        ({"name": "r", "input": "q", "emit": {"begun": "x"}}, "emit.begun"),
-        ({"name": "r", "input": "q", "emit": {"began": ""}}, "emit.began"),
-        ({"name": "r", "input": "q", "emit": {"began": 3}}, "emit.began"),
-        ({"name": "2r", "input": "q", "emit": {"began": "x"}}, "name"),
-        ({"name": "r", "emit": {"began": "x"}}, "input"),
-        ({"name": "r", "input": "q", "emit": {"began": "x"}, "wihtin": "6 s"}, "wihtin"),
-    ],
-)
-def test_a_wrong_declaration_names_the_clause_and_the_remedy(document: object, where: str) -> None:
-    with pytest.raises(InvalidInput) as wrong:
-        parse_declaration(document)
-    assert where in str(wrong.value)
+def test_absence_comes_by_the_watermark_when_no_row_comes() -> None:
+    engine = engine_of(STAYED)
+    arrive(engine, visit("ann", "kitchen", "began", 1), visit("bob", "kitchen", "began", 2))
+    arrive(engine, visit("bob", "kitchen", "ended", 4))
+    assert told(release(engine, 3.999998)) == []
+    (event,) = release(engine, 3.999999)
+    assert told([event]) == [("stayed", 4.0)]
+    assert (event.key, event.track_name) == ({"track": "ann", "room": "kitchen"}, "ann")
+    assert release(engine, 100) == []
+
+
+def test_events_are_rows_of_other_rules_at_the_moment_at_which_they_were_known() -> None:
+    engine = engine_of(BOTH_STAYED, STAYED)
+    arrive(engine, visit("ann", "kitchen", "began", 1), visit("bob", "kitchen", "began", 2))
+    events = release(engine, 100)
+    assert told(events) == [("stayed", 4.0), ("stayed", 5.0), ("both_stayed", 4.999999)]
+    assert events[2].evidence == (
+        Evidence(events[0].event_id, "A", "event", at(4)),
+        Evidence(events[1].event_id, "B", "event", at(5)),
+    )
+
+
+def test_occupants_are_counted_in_order() -> None:
+    engine = engine_of(CROWDED)
+    arrive(engine, visit("bob", "kitchen", "began", 3), visit("ann", "kitchen", "ended", 2))
+    arrive(engine, visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "began", 4))
+    (event,) = release(engine, 5)
+    assert (event.stamp, event.track_name) == (at(4), "ann")
+
+
+def test_a_partial_match_that_timed_out_is_an_event() -> None:
+    rows = [visit("ann", "kitchen", "began", 1), visit("bob", "kitchen", "began", 2),
+            visit("bob", "kitchen", "ended", 3)]  # fmt: skip
+    assert told(run_over([rule(1, TIMED_OUT)], rows, 10 * S)) == [
+        ("no_short_visit", 3.0),
+        ("short_visit", 3.0),
+    ]
+
+
+def test_intervals_and_formulas_are_rules_as_well() -> None:
+    rows = [
+        door("kitchen_door", "open", 1), visit("ann", "kitchen", "began", 2), visit("ann", "kitchen", "ended", 3),
+        door("kitchen_door", "closed", 4),
+    ]  # fmt: skip
+    during = run_over([rule(1, DURING)], rows, 10 * S)
+    assert [(event.type, event.key) for event in during] == [("there_while_open", {"room": "kitchen"})]
+    assert told(run_over([rule(1, CLOSES_SOON)], rows, 10 * S)) == [("left_open", 3.0)]
+
+
+def test_the_slowest_source_holds_the_watermark_until_it_is_idle() -> None:
+    engine = engine_of(STAYED)
+    engine.watermark(MAP, 2, 0)
+    arrive(engine, visit("ann", "kitchen", "began", 1))
+    assert release(engine, 100) == []
+    engine.idle(MAP, 2)
+    assert told(engine.release()) == [("stayed", 4.0)]
+    arrive(engine, visit("bob", "kitchen", "began", 101))
+    engine.watermark(MAP, 2, 50 * S)
+    assert release(engine, 200) == []
+    engine.watermark(MAP, 2, 150 * S)
+    assert told(engine.release()) == [("stayed", 104.0)]
+
+
+def test_what_comes_within_the_lateness_is_taken_and_what_comes_later_is_given_out() -> None:
+    engine = engine_of(STAYED)
+    assert release(engine, 10, lateness_s=5) == []
+    in_time, late = visit("ann", "kitchen", "began", 5.000001), visit("bob", "kitchen", "began", 5)
+    arrive(engine, late, in_time)
+    assert told(release(engine, 100)) == [("stayed", 8.000001)]
+    (given,) = engine.changes().late
+    assert (given.row, given.watermark_us) == (late, 5 * S)
+    assert engine.changes().late == []
+
+
+def test_what_needs_no_order_is_never_late() -> None:
+    engine = engine_of(VISITS)
+    release(engine, 10)
+    assert told(arrive(engine, visit("ann", "kitchen", "began", 5))) == [("entered", 5.0)]
+    assert engine.changes().late == []
+
+
+def test_an_edit_of_the_map_is_never_late() -> None:
+    engine = engine_of(STAYED)
+    arrive(engine, visit("ann", "kitchen", "began", 5))
+    release(engine, 6)
+    arrive(engine, visit("ann", "kitchen", "ended", 5.5, cause="map"))
+    assert release(engine, 100) == []
+    assert engine.changes().late == []
+
+
+def test_a_rule_is_in_force_from_its_place_on() -> None:
+    engine = engine_of(VISITS)
+    began, ended = visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "ended", 2)
+    events = arrive(engine, began)
+    engine.change_rule(1, rule(1, VISITS | {"emit": {"ended": "left"}}, version=2))
+    events += arrive(engine, began, ended)
+    engine.change_rule(1, rule(1, VISITS, version=2, enabled=False))
+    events += arrive(engine, began, ended)
+    engine.change_rule(1, None)
+    events += arrive(engine, began, ended)
+    assert [(event.type, event.rule_version) for event in events] == [("entered", 1), ("left", 2)]
+
+
+def test_a_new_version_begins_without_states_while_others_go_on() -> None:
+    engine = engine_of(STAYED, TIMED_OUT)
+    arrive(engine, visit("ann", "kitchen", "began", 1))
+    release(engine, 1)
+    assert {key for key, state in engine.changes().states.items() if state is not None} == {
+        (1, "[31,11]"), (2, "[31]"),
+    }  # fmt: skip
+    engine.change_rule(1, rule(1, STAYED, version=2))
+    assert engine.changes().states == {(1, "[31,11]"): None}
+    assert told(release(engine, 100)) == [("no_short_visit", 3.0)]
+
+
+def test_rules_say_what_they_read_and_need() -> None:
+    engine = engine_of(OPENED_THEN_ENTERED, VISITS | {"where": "s_intersects(position, BBOX(0,0,1,1))"})
+    assert engine.queries(MAP) == {QUERIES["track_in_room"]: "track_in_room"}
+    assert engine.reads_object_states(MAP) == {"door"}
+    assert not engine.reads_map(MAP)
+    needs = engine.needs(MAP)
+    assert (needs.actor_within_m, needs.position, needs.footprint) == (
+        {"door": 1.5}, frozenset({"track_in_room"}), frozenset(),
+    )  # fmt: skip
+
+
+def test_rows_may_be_completed_before_they_are_taken() -> None:
+    engine = engine_of(OPENED_THEN_ENTERED)
+    arrive(engine, door("kitchen_door", "open", 1), visit("ann", "kitchen", "began", 2))
+    engine.watermark(MAP, 1, 10 * S)
+    (due,) = engine.due()
+    seen = [replace(row, values={**row.values, "actor": "ann", "actor_distance_m": 0.1}) for row in due.rows]
+    assert told(engine.take([replace(due, rows=seen)])) == [("entered_by_door", 2.0)]
+
+
+@pytest.mark.parametrize("split", range(6))
+@pytest.mark.parametrize("other", [TIMED_OUT, CLOSES_SOON], ids=["same input", "other input"])
+def test_a_rule_that_begins_with_the_past_goes_over_into_the_present(split: int, other: dict) -> None:
+    """At any place in the log: history up to there, then what comes; nothing is lost and nothing doubled."""
+    rows = [
+        visit("ann", "kitchen", "began", 1), visit("bob", "hall", "began", 2), visit("bob", "hall", "ended", 3),
+        visit("bob", "hall", "began", 4), visit("ann", "kitchen", "ended", 6), visit("ann", "hall", "began", 7),
+    ]  # fmt: skip
+    engine = engine_of(other)
+    made = arrive(engine, *rows[:split])
+    made += release(engine, split - 0.5)
+    engine.change_rule(2, rule(2, STAYED))
+    made += engine.begin(2, rows[:split])
+    made += arrive(engine, *rows[split:]) + release(engine, 100)
+    whole = run_over([rule(1, other), rule(2, STAYED)], rows, 100 * S)
+    assert sorted(event.event_id for event in made) == sorted(event.event_id for event in whole)
+    assert told(event for event in whole if event.rule_name == "stayed") == [
+        ("stayed", 4.0), ("stayed", 7.0), ("stayed", 10.0),
+    ]  # fmt: skip
+
+
+def test_what_was_given_up_is_counted_by_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matching, "RUNS_AT_MOST", 3)
+    document = {
+        "name": "again", "input": "track_in_room", "partition_by": "track", "pattern": "A followed by B",
+        "define": {"A": "type = 'began'", "B": "type = 'ended'"}, "after_match": "skip to next row",
+        "emit": "again",
+    }  # fmt: skip
+    engine = engine_of(VISITS, document)
+    arrive(engine, *(visit("ann", "kitchen", "began", at_s) for at_s in range(5)))
+    release(engine, 9)
+    assert engine.dropped == {2: 2}
+
+
+def test_a_deleted_map_takes_all_with_it() -> None:
+    engine = engine_of(STAYED)
+    arrive(engine, visit("ann", "kitchen", "began", 1), visit("bob", "kitchen", "began", 2))
+    release(engine, 1)
+    assert len(engine.changes().pending_added) == 1
+    engine.delete_map(MAP)
+    changes = engine.changes()
+    assert (list(changes.states.values()), len(changes.pending_removed)) == ([None], 1)
+    assert (engine.rules, engine.release()) == ({}, [])
+
+
+def test_rules_that_read_one_another_in_a_circle_are_refused() -> None:
+    engine = engine_of(STAYED, BOTH_STAYED)
+    circle = STAYED | {"input": {"rule": "both_stayed"}}
+    with pytest.raises(InvalidInput, match=r"(stayed|both_stayed) reads (stayed|both_stayed) reads") as wrong:
+        engine.change_rule(1, rule(1, circle, version=2))
     assert wrong.value.remedy
+    arrive(engine, visit("ann", "kitchen", "began", 1))
+    assert told(release(engine, 100)) == [("stayed", 4.0)]
+
+
+def test_the_order_of_rules_is_that_in_which_they_read() -> None:
+    assert order_of_rules({"c": ["b", "query"], "a": ["c"], "b": [], "d": []}) == ("b", "d", "c", "a")
+    with pytest.raises(InvalidInput, match="a reads b reads c reads a"):
+        order_of_rules({"a": ["b"], "b": ["c"], "c": ["a"]})
+
+
+def test_the_scene_names_each_thing_once() -> None:
+    ids = [*ROOMS.values(), *(instance_id for instance_id, _ in DOORS.values())]
+    assert len(ids) == len(set(ids))
+    assert len({document["name"] for document in ALL}) == len(ALL)

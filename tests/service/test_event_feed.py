@@ -7,10 +7,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from types import SimpleNamespace
+from uuid import uuid4
 
 import pytest
 import shapely
 from running import START, Service
+from semap_service.document import rfc3339
 from semap_service.feed import Feed
 from sqlalchemy import create_engine
 from websockets.exceptions import ConnectionClosed
@@ -40,7 +42,11 @@ def test_an_event_says_what_happened_and_why(service: Service) -> None:
         " from semap.relation_change returning event_id)"
         " select event_id, uid from made, semap.relation_change"
     ).fetchone()
-    service.plain.execute("insert into semap.event_evidence values (%s, %s)", [event_id, change_uid])
+    service.plain.execute(
+        "insert into semap.event_evidence (event_id, place, uid, variable, source, stamp)"
+        " values (%s, 1, %s, '', 'relation', %s)",
+        [event_id, change_uid, stamp],
+    )
     event = {
         "seq": 5,
         "event_id": str(event_id),
@@ -53,12 +59,68 @@ def test_an_event_says_what_happened_and_why(service: Service) -> None:
         "track": {"id": track_id, "name": "person"},
         "instance": {"id": room["id"], "name": "Room07"},
         "since": stamp.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
-        "evidence": [str(change_uid)],
+        "key": {},
+        "measures": {},
+        "confidence": None,
+        "by_batch": False,
+        "verdict": None,
+        "amended_by": None,
+        "evidence": [
+            {
+                "uid": str(change_uid),
+                "variable": "",
+                "source": "relation",
+                "stamp": stamp.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+            }
+        ],
     }
     assert service.get("/events") == {"events": [event], "next": 5}
     with connect(f"{service.feed_url}?after=4") as feed:
         assert message(feed) == {"type": "hello", "cursor": 4, "head": 5}
         assert message(feed) == {"type": "event", "cursor": 5, "event": event}
+
+
+def test_an_event_of_a_pattern_says_what_it_rests_on(service: Service) -> None:
+    """What the rule worker commits comes out whole: without a track, with a key, and with a verdict later."""
+    service.make_map()
+    ids = [str(uuid4()) for _ in range(4)]
+    map_id = service.plain.execute("select map_id from semap.map").fetchone()[0]
+    stamps = [rfc3339(START + timedelta(seconds=second)) for second in range(3)]
+    rows = [("O", "object_state", ids[2], stamps[0]), ("E", "relation", ids[3], stamps[1])]
+    evidence = [
+        {"uid": uid, "variable": variable, "source": source, "stamp": stamp}
+        for variable, source, uid, stamp in rows
+    ]
+    common = {
+        "type": "kept", "stamp": stamps[2], "since": stamps[0], "rule_version": 3, "cause": None,
+        "key": {"room": "Room07"}, "measures": {"gap_s": 1.5, "who": None}, "confidence": 0.25,
+        "by_batch": False, "evidence": evidence,
+    }  # fmt: skip
+    given = [
+        {**common, "event_id": uid, "map_id": map_id, "rule_name": "r", "instance_id": 7, "instance_name": "Room07"}
+        for uid in ids[:2]
+    ]
+    service.plain.execute(
+        "select semap.commit_progress('rules', lsn, lsn, null, null, '{}', %s) from semap.progress",
+        [json.dumps(given)],
+    )
+    expected = {
+        **common, "seq": 1, "event_id": ids[0], "map": "office", "rule": "r", "track": None,
+        "instance": {"id": 7, "name": "Room07"}, "verdict": None, "amended_by": None,
+    }  # fmt: skip
+    first, second = service.get("/events")["events"]
+    assert first == expected
+    assert second == {**expected, "seq": 2, "event_id": ids[1]}
+    service.plain.execute(
+        "with run as (insert into semap.recompute_run (map_id, from_stamp, to_stamp)"
+        " values (%s, now(), now()) returning run_id)"
+        " insert into semap.event_amendment (event_id, verdict, by_event_id, run_id)"
+        " select %s, 'amended', %s, run_id from run",
+        [map_id, *ids[:2]],
+    )
+    assert service.get("/events", limit=1)["events"] == [
+        {**expected, "verdict": "amended", "amended_by": ids[1]}
+    ]
 
 
 def test_polling_goes_on_at_its_cursor(service: Service) -> None:
@@ -72,6 +134,8 @@ def test_polling_goes_on_at_its_cursor(service: Service) -> None:
     assert (numbers(second), second["next"]) == ([4, 5, 6, 7], 7)
     assert service.get("/events", after=7) == {"events": [], "next": 7}
     assert numbers(service.get("/events", map="other", type="left")) == [6, 7]
+    assert numbers(service.get("/events", rule="room_visits", limit=2)) == [1, 2]
+    assert numbers(service.get("/events", rule="other")) == []
     nothing = service.get("/events", map="office", type="left")
     assert nothing == {"events": [], "next": 7}
     assert service.client.get("/events?map=nowhere").status_code == 404
@@ -134,12 +198,17 @@ def test_the_feed_begins_at_the_head_and_resumes_at_a_cursor(service: Service) -
 def test_the_feed_selects(service: Service) -> None:
     service.make_map()
     service.make_map("other")
-    with connect(f"{service.feed_url}?map=office&type=left") as feed:
+    with (
+        connect(f"{service.feed_url}?rule=none") as deaf,
+        connect(f"{service.feed_url}?map=office&type=left&rule=room_visits") as feed,
+    ):
+        assert message(deaf)["type"] == "hello"
         assert message(feed)["type"] == "hello"
         service.happen(1, 3, map_name="other", kind="left")
         service.happen(4, 3)
         service.happen(7, kind="left")
         assert message(feed)["cursor"] == 7
+        service.until(lambda: json.loads(deaf.recv(timeout=5)) == {"type": "heartbeat", "cursor": 7})
 
 
 def test_silence_is_filled_with_heartbeats(service: Service) -> None:

@@ -39,12 +39,17 @@ def test_every_endpoint_answers_as_published(service: Service) -> None:
         "/relations",
         "/queries",
         "/rules",
+        "/object-states",
         "/events",
         "/concepts",
     ]:
         client.get(path).raise_for_status()
     for path in (rooms, f"{rooms}/occupants", f"/tracks/{track_id}", f"/tracks/{track_id}/rooms"):
         client.get(path).raise_for_status()
+    seen = {"instance": "Room08", "property": "light", "value": "on", "stamp": "2026-01-31T12:00:00Z"}
+    client.post(
+        "/object-states", json={"map": "office", "source": "lights", "states": [seen]}
+    ).raise_for_status()
     client.post("/concepts", json={"name": "Kitchen", "parents": ["Room"]}).raise_for_status()
 
     exercise_the_map(client)
@@ -66,6 +71,11 @@ def test_every_endpoint_answers_as_published(service: Service) -> None:
         where = made.headers["location"]
         assert client.get(where).json() == made.json()
         assert client.patch(where, json=change).json() == {**made.json(), "enabled": False}
+        if kind == "rules":
+            client.get(f"{where}/versions").raise_for_status()
+            client.get(f"{where}/explanation?at=2026-01-31T12:00:00Z").raise_for_status()
+            dry = {"map": "office", "declaration": rule}
+            client.post("/rules/dry-run", json=dry).raise_for_status()
         client.delete(where).raise_for_status()
         assert client.get(where).status_code == 404
     client.delete("/maps/office").raise_for_status()

@@ -81,7 +81,7 @@ WHOLE = MapDocument(
         InstanceEntry(UUID(int=4), "door", "Door", "door", joins=("hall",)),
     ),
     queries=(QueryEntry("who_is_where", "contains", "Room", enabled=False),),
-    rules=(RuleEntry("visits", "who_is_where", {"input": "who_is_where", "emit": {"began": "in"}}, enabled=False),),
+    rules=(RuleEntry("visits", ("who_is_where",), {"input": "who_is_where", "emit": {"began": "in"}}, enabled=False),),
     grids=(OccupancyGrid("scan", 0.05, (-1.5, 2.25, 0.5), np.arange(6, dtype=np.uint8).reshape(2, 3)),),
 )  # fmt: skip
 
@@ -180,7 +180,7 @@ def test_a_map_written_by_hand_comes_out_equal(engine: Engine, tmp_path: Path) -
         ({"instances": (replace(WHOLE.instances[3], joins=("none",)),)}, "names the other instance none"),
         ({"instances": (replace(WHOLE.instances[0], concept="None"),)}, "there is no concept None"),
         ({"frames": (FrameEntry("first", None),), "instances": ()}, "no root frame"),
-        ({"rules": (replace(WHOLE.rules[0], query="none"),)}, "names the query none"),
+        ({"rules": (replace(WHOLE.rules[0], queries=("none",)),)}, "names the query none"),
         ({"anchor": Anchor(4326)}, "not in metres"),
         ({"anchor": Anchor(20000)}, "unknown"),
         ({"frames": (*WHOLE.frames, FrameEntry("a", "b"), FrameEntry("b", "a"))}, "cannot be put below"),

@@ -84,7 +84,7 @@ def test_a_map_comes_with_a_frame_a_query_and_a_rule(connection: Connection) -> 
             " join semap.frame f using (map_id) join semap.frame_pose p using (frame_id)"
             " join semap.continuous_query q using (map_id)"
             " join semap.concept c on c.concept_id = q.object_concept_id"
-            " join semap.rule r on r.query_id = q.query_id"
+            " join semap.rule_query using (query_id) join semap.rule r using (rule_id)"
         )
     ).all()
     declaration = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}

@@ -8,17 +8,17 @@ from uuid import UUID
 
 import pytest
 import shapely
-from rule_work import await_event_of, await_events, running_worker
+from rule_work import await_event_of, await_events, lose_slot, running_worker
 from world import SECOND_US, World
 
 from semap.errors import Conflict, ServerUnavailable, SlotLost
 from semap.replication.pgoutput import parse_lsn
-from semap.rules.engine import RuleSet
 from semap.store.database import connect
 from semap.store.schema import ensure_slot
 from semap.timeline.stamp import to_datetime
+from semap.worker.progress import Made, Progress, commit_progress
 from semap.worker.resync import resync
-from semap.worker.rule_worker import Made, Progress, commit_progress, work
+from semap.worker.rule_worker import work
 
 ROOM = shapely.box(0, 0, 4, 4)
 
@@ -46,7 +46,7 @@ def test_one_declaration_gives_entered_and_left_with_their_evidence(world: World
     )  # fmt: skip
     assert world.rows(
         "select v.event_id::text, c.kind::text from semap.event_evidence v"
-        " join semap.relation_change c on c.uid = v.change_uid order by c.change_id"
+        " join semap.relation_change c on c.uid = v.uid order by c.change_id"
     ) == [(entered[1], "began"), (left[1], "ended")]
 
 
@@ -102,9 +102,9 @@ def test_only_one_of_two_workers_moves_on(world: World) -> None:
     """A worker that lost its slot without noticing may not commit what another has committed."""
     with connect(world.dsn) as connection:
         (lsn,) = connection.execute("select lsn::text from semap.progress").fetchone()
-        commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 10, RuleSet()), Made())
+        commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 10, 0), Made())
         with pytest.raises(ServerUnavailable, match="moved the progress"):
-            commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 20, RuleSet()), Made())
+            commit_progress(connection, parse_lsn(lsn), Progress(parse_lsn(lsn) + 20, 0), Made())
 
 
 def test_watermarks_are_kept_with_the_progress(world: World) -> None:
@@ -113,8 +113,11 @@ def test_watermarks_are_kept_with_the_progress(world: World) -> None:
         world.run("update semap.source set watermark = %s", to_datetime(50 * SECOND_US))
         visit(world, "ann", 10)
         await_events(world.dsn, 2)
-    assert world.one("select watermarks from semap.progress") == {
-        str(world.source_id): to_datetime(50 * SECOND_US).isoformat()
+    assert world.one("select watermarks -> 'maps' from semap.progress") == {
+        str(world.map_id): {
+            "released_us": 50 * SECOND_US,
+            "sources": {str(world.source_id): {"stamp_us": 50 * SECOND_US, "lateness_us": 0, "idle": False}},
+        }
     }
 
 
@@ -152,7 +155,7 @@ def test_a_lost_slot_is_told_and_made_again_without_loss(world: World) -> None:
     with running_worker(world.dsn):
         visit(world, "ann", 10)
         before = await_events(world.dsn, 2)
-    world.run("select pg_drop_replication_slot(semap.rule_slot())")
+    lose_slot(world.dsn)
     visit(world, "bob", 20)
     with connect(world.dsn) as connection:
         ensure_slot(connection)
@@ -206,10 +209,7 @@ def test_a_map_deleted_and_made_again_while_no_worker_ran(world: World) -> None:
 
 def test_a_rule_that_cannot_be_read_stops_no_other(world: World) -> None:
     world.add_room("kitchen", ROOM)
-    world.run(
-        "insert into semap.rule (map_id, name, query_id, declaration) values (%s, 'broken', %s, '{}')",
-        world.map_id, world.query_id,
-    )  # fmt: skip
+    world.run("insert into semap.rule (map_id, name, declaration) values (%s, 'broken', '{}')", world.map_id)
     visit(world, "ann", 10)
     world.run("delete from semap.rule where name = 'broken'")
     visit(world, "bob", 20)

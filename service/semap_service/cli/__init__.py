@@ -9,7 +9,19 @@ import typer
 
 from semap import __version__
 from semap.errors import CallerError, SemapError
-from semap_service.cli import concepts, database, demo, events, ingest, maps, processes, queries, rules
+from semap_service.cli import (
+    concepts,
+    database,
+    demo,
+    event_log,
+    events,
+    ingest,
+    maps,
+    processes,
+    queries,
+    recompute,
+    rules,
+)
 
 HELP = """
 A semantic map with continuous queries, on PostGIS.
@@ -48,6 +60,9 @@ def commands() -> typer.Typer:
     app.command("events")(events.events)
     app.add_typer(queries.commands(), name="query")
     app.add_typer(rules.commands(), name="rule")
+    app.command("recompute")(recompute.recompute)
+    app.add_typer(event_log.log_commands(), name="log")
+    app.add_typer(event_log.plot_commands(), name="plot")
     app.command("work")(processes.work)
     app.command("serve")(processes.serve)
     app.add_typer(database.commands(), name="db")
@@ -63,6 +78,9 @@ def main() -> None:
         if error.remedy:
             sys.stderr.write(f"  What to do: {error.remedy}\n")
         sys.exit(2 if isinstance(error, CallerError) else 1)
+    except UnicodeEncodeError as error:
+        sys.stderr.write(f"semap: what was given is no text in UTF-8: {error.object!a}\n")
+        sys.exit(2)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)

@@ -25,12 +25,17 @@ if TYPE_CHECKING:
 
 CAUGHT_UP_S = 30.0
 SINCE = """
-    select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance
+    select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance, e.key,
+           e.measures, e.confidence, null as verdict, null as amended_by
     from semap.event e where e.seq > %s order by e.seq
 """
 SUMS = """
     select instance_name, count(*) filter (where type = 'entered'), count(*) filter (where type = 'left')
-    from semap.event where seq > %s group by instance_name order by instance_name
+    from semap.event where seq > %s and type in ('entered', 'left')
+    group by instance_name order by instance_name
+"""
+COMPLEX_SUMS = """
+    select type, count(*) from semap.event where seq > %s and cause is null group by type order by type
 """
 
 
@@ -130,22 +135,43 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
 
 
 def _bring_in(dsn: str, scene: Scene) -> None:
+    from semap_ingest.object_file import (  # noqa: PLC0415
+        ObjectLayout,
+        ObjectPlan,
+        ingest_object_states,
+        read_object_states,
+    )
+
+    from semap.rules.reading import read_declaration  # noqa: PLC0415
+    from semap.rules.template import fill  # noqa: PLC0415
     from semap.store.building import import_building  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415
+    from semap.store.rules import add_rule  # noqa: PLC0415
     from semap_service.cli.exchange import report_lines  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_api") as connection:
         create_map(connection, scene.name)
         report = import_building(connection, scene.name, scene.building)
+        for template in scene.rules:
+            add_rule(connection, scene.name, read_declaration(fill(template)))
     for line in report_lines(report):
         typer.echo(f"   {line}")
+    if scene.rules:
+        typer.echo(f"   Rules: room_visits, {', '.join(scene.rules)} (each `semap rule template NAME`).")
+    if scene.doors is not None:
+        # nothing is judged before the movement is there, too
+        states = read_object_states(scene.doors, ObjectLayout())
+        ingest_object_states(dsn, ObjectPlan(scene.name, "doors", keep_open=True), states)
+        typer.echo(f"   {len(states)} states of doors brought in.")
 
 
 def _print_sums(reader: psycopg.Connection, first: int) -> None:
-    """How many tracks entered and left each room."""
+    """How many tracks entered and left each room, and how often what rules look for was found."""
     for room, entered, left in reader.execute(SUMS, [first]).fetchall():
         typer.echo(f"   {room}: entered {entered}, left {left}")
+    for kind, count in reader.execute(COMPLEX_SUMS, [first]).fetchall():
+        typer.echo(f"   {kind}: {count}")
 
 
 def _print_events(reader: psycopg.Connection, scene: Scene, first: int, last: int) -> int:
@@ -167,10 +193,12 @@ def _last_event(reader: psycopg.Connection) -> int:
 
 
 def _all_made(reader: psycopg.Connection, map_name: str) -> bool:
-    """Whether every change on the map has become its event."""
+    """Whether the rule worker has read all that is known of the map."""
     row = reader.execute(
         "select (select count(*) from semap.relation_change where map_id = m.map_id)"
-        " = (select count(*) from semap.event where map_id = m.map_id) from semap.map m where m.name = %s",
+        " = (select count(*) from semap.event where map_id = m.map_id and cause is not null)"
+        " and not exists (select from semap.pending_row w where w.map_id = m.map_id)"
+        " from semap.map m where m.name = %s",
         [map_name],
     ).fetchone()
     return bool(row and row[0])

@@ -11,12 +11,20 @@ from semap_service.cli.session import AsJson, Dsn, database
 
 PAGE = 500
 WAKE_S = 1.0
+WHY = {
+    "appeared": "first seen there",
+    "disappeared": "last seen there",
+    "map": "the map was edited",
+}
 SINCE = """
     select e.seq, e.event_id, m.name as map, e.type, e.stamp, e.cause, e.rule_name as rule,
-           e.rule_version, e.track_name as track, e.instance_name as instance, e.since
-    from semap.event e join semap.map m using (map_id)
+           e.rule_version, e.track_name as track, e.instance_name as instance, e.since, e.key, e.measures,
+           e.confidence, a.verdict, b.seq as amended_by
+    from semap.event e join semap.map m using (map_id) left join semap.event_amendment a using (event_id)
+    left join semap.event b on b.event_id = a.by_event_id
     where e.seq > %(after)s and (%(map)s::text is null or m.name = %(map)s)
       and (%(type)s::text is null or e.type = %(type)s)
+      and (%(rule)s::text is null or e.rule_name = %(rule)s)
     order by e.seq limit %(limit)s
 """
 
@@ -27,6 +35,7 @@ def events(
     limit: Annotated[int, typer.Option(help="At most so many; 0 for all.", min=0)] = 0,
     map_name: Annotated[str | None, typer.Option("--map", help="Only events on this map.")] = None,
     kind: Annotated[str | None, typer.Option("--type", help="Only events of this type.")] = None,
+    rule: Annotated[str | None, typer.Option(help="Only events of this rule.")] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
@@ -38,7 +47,8 @@ def events(
         shown = 0
         while True:
             page = min(PAGE, limit - shown) if limit else PAGE
-            cursor = connection.execute(SINCE, {"after": after, "map": map_name, "type": kind, "limit": page})
+            wanted = {"after": after, "map": map_name, "type": kind, "rule": rule, "limit": page}
+            cursor = connection.execute(SINCE, wanted)
             columns = [column.name for column in cursor.description or ()]
             rows = [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
             for row in rows:
@@ -57,10 +67,20 @@ def events(
 
 def sentence(row: dict[str, Any]) -> str:
     """An event as a line for people."""
-    why = {
-        "moved": "",
-        "appeared": " (first seen there)",
-        "disappeared": " (last seen there)",
-        "map": " (the map was edited)",
-    }[row["cause"]]
-    return f"{row['seq']:>6}  {clock(row['stamp'])}  {row['track']} {row['type']} {row['instance']}{why}"
+    # what a rule finds by room is about that room, whichever of its doors came last
+    said = [row["track"], row["type"], row["key"].get("room") or row["instance"]]
+    if row["track"] is None and row["instance"] is None:
+        said += [f"{name} {value}" for name, value in row["key"].items()]
+    notes = [WHY.get(row["cause"], "")]
+    notes += [f"{name} {_short(value)}" for name, value in row["measures"].items()]
+    if row["confidence"] is not None:
+        notes.append(f"confidence {row['confidence']:.2f}")
+    by = row["amended_by"]
+    notes.append(f"amended by {by}" if by is not None else row["verdict"] or "")
+    remark = ", ".join(note for note in notes if note)
+    line = " ".join(str(part) for part in said if part is not None)
+    return f"{row['seq']:>6}  {clock(row['stamp'])}  {line}{f' ({remark})' if remark else ''}"
+
+
+def _short(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

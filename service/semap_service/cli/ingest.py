@@ -14,9 +14,11 @@ MIRROR_WAIT_S = 10.0
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(no_args_is_help=True, help="Bring in movement: recordings of tracks.")
-    app.callback()(lambda: None)
+    app = typer.Typer(
+        no_args_is_help=True, help="Bring in what was seen: recordings of tracks, states of objects."
+    )
     app.command("tracks")(tracks)
+    app.command("objects")(objects)
     return app
 
 
@@ -121,3 +123,74 @@ def tracks(
         typer.echo(f"{done.late} states came late: they are kept, but changed no relation.")
     if inside == 0:
         typer.echo("No state lies inside a room: check --unit, --frame and the map.", err=True)
+
+
+def objects(
+    file: Annotated[Path, typer.Argument(help="CSV (any usual delimiter) or Parquet, one row per state.")],
+    map_name: Annotated[str, typer.Option("--map", help="The map on which the objects are.")],
+    source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
+    property_name: Annotated[
+        str | None, typer.Option("--property", help="The property, if no column tells it: door.")
+    ] = None,
+    names: Annotated[
+        str | None,
+        typer.Option(help="Names of the columns of a file without header: instance,property,value,stamp."),
+    ] = None,
+    instance_column: Annotated[str | None, typer.Option(help="Column of the instance's name.")] = None,
+    property_column: Annotated[str | None, typer.Option(help="Column of the property.")] = None,
+    value_column: Annotated[str | None, typer.Option(help="Column of the value.")] = None,
+    stamp_column: Annotated[str | None, typer.Option(help="Column of the stamp (event time).")] = None,
+    stamp_unit: Annotated[
+        str, typer.Option(help="iso, s, ms, us, ns, or the rate of numbered frames such as 25fps.")
+    ] = "iso",
+    epoch: Annotated[str, typer.Option(help="The time of stamp 0.")] = "1970-01-01T00:00:00Z",
+    batch: Annotated[int, typer.Option(help="States per transaction.", min=1)] = 1000,
+    keep_open: Annotated[
+        bool,
+        typer.Option(
+            "--keep-open",
+            help="Do not say how far the source has come: rules wait with these states for the tracks of the"
+            " same time, which are brought in next.",
+        ),
+    ] = False,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Read states of objects, such as doors that open and close, from a file into the database.
+
+    A row says that a property of an instance has a value from a stamp on. What is in already is passed over,
+    so that the command may be given again.
+    """
+    from semap_ingest.object_file import (  # noqa: PLC0415
+        ObjectLayout,
+        ObjectPlan,
+        ingest_object_states,
+        read_object_states,
+    )
+
+    from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
+    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+
+    columns = {
+        "instance": instance_column,
+        "property": property_column,
+        "value": value_column,
+        "stamp": stamp_column,
+    }
+    layout = ObjectLayout(
+        columns={role: name for role, name in columns.items() if name is not None},
+        names=tuple(name.strip() for name in names.split(",")) if names else (),
+        property=property_name,
+        stamp_unit=stamp_unit,
+        epoch_us=parse_stamp(epoch),
+    )
+    states = read_object_states(file, layout)
+    plan = ObjectPlan(map_name, source or file.stem, batch, keep_open)
+    with database(dsn) as opened, progress_bar("states", quiet=as_json) as advance:
+        added = ingest_object_states(opened, plan, states, advance)
+    if as_json:
+        print_json({"states": len(states), "added": added})
+        return
+    typer.echo(f"{counted(added, 'state')} of objects written to map {map_name}.")
+    if added < len(states):
+        typer.echo(f"{len(states) - added} were there before.")

@@ -2,63 +2,137 @@
 
 from __future__ import annotations
 
-import sys
+import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap.errors import InvalidInput
+from semap.errors import InvalidInput, NotFound
+from semap_service.cli import rule_runs
 from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.rule_arguments import MapOfRule, MapOption, RuleFile, RuleName, declaration_in
 from semap_service.cli.session import AsJson, Dsn, database
 
-MapOption = Annotated[str | None, typer.Option("--map", help="Only those of this map.")]
-RuleId = Annotated[
-    int, typer.Argument(metavar="ID", help="Number of the rule, as `semap rule list` shows it.")
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from semap.store.rules import Rule
+
+Backfill = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FROM", help="Run over what was stored from this stamp on as well, or over `all` of it."
+    ),
 ]
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(
-        no_args_is_help=True, help="Rules: which events are made of which changes of relations."
-    )
+    app = typer.Typer(no_args_is_help=True, help="Rules: which events are made of what.")
     app.command("list")(list_all)
     app.command("show")(show)
+    app.command("versions")(versions)
+    app.command("template")(template)
     app.command("add")(add)
+    app.command("replace")(replace)
     app.command("enable")(enable)
     app.command("disable")(disable)
     app.command("delete")(delete)
+    app.command("late")(late)
+    rule_runs.add_to(app)
     return app
 
 
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the rules."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import list_rules  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
-        rows = [asdict(found) for found in list_rules(connection, map_name=map_name, limit=1000)]
+    with _reading(dsn) as connection:
+        _require_map(connection, map_name)
+        rows = [asdict(found) for found in list_rules(connection, map_name=map_name, limit=None)]
+    if not as_json:
+        shown = ("rule_id", "map", "name", "version", "enabled")
+        rows = [
+            {**{name: row[name] for name in shown}, "makes": _made_by(row["declaration"])} for row in rows
+        ]
     print_rows(rows, as_json, "No rules. A map brings one with it: semap map import BUILDING.geojson")
 
 
-def show(rule_id: RuleId, dsn: Dsn = None) -> None:
-    """Show a rule as JSON."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.rules import get_rule  # noqa: PLC0415
+def _made_by(declaration: Mapping[str, object]) -> str:
+    """The types of the events that a rule makes."""
+    emit = declaration["emit"]
+    return ", ".join(map(str, emit.values())) if isinstance(emit, Mapping) else str(emit)
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
-        print_json(asdict(get_rule(connection, rule_id)))
+
+def show(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
+    """Show a rule as JSON."""
+    from semap.store.rules import find_rule  # noqa: PLC0415
+
+    with _reading(dsn) as connection:
+        print_json(asdict(find_rule(connection, rule, map_name)))
+
+
+def versions(rule: RuleName, map_name: MapOfRule = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
+    """List the versions of a rule from the first on; --json shows all that each declared."""
+    from semap.store.rules import find_rule, list_versions  # noqa: PLC0415
+
+    with _reading(dsn) as connection:
+        rule_id = find_rule(connection, rule, map_name).rule_id
+        rows = [asdict(found) for found in list_versions(connection, rule_id)]
+    if not as_json:
+        rows = [
+            {
+                **{name: row[name] for name in ("version", "name", "declared_at")},
+                "makes": _made_by(row["declaration"]),
+            }
+            for row in rows
+        ]
+    print_rows(rows, as_json, "No versions.")
+
+
+def template(
+    name: Annotated[str | None, typer.Argument(help="The template; without one, all are listed.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A parameter of it; may be given again."),
+    ] = None,
+) -> None:
+    """Print a ready rule, to be used as it is or to be edited.
+
+    For example: semap rule template dwell --set room=Kitchen | semap rule add - --map office
+    """
+    from semap.rules.template import TEMPLATES, fill  # noqa: PLC0415
+
+    if name is None:
+        for each in TEMPLATES.values():
+            typer.echo(f"{each.name}: {each.sentence}")
+            for parameter in each.parameters:
+                setting = shlex.quote(f"{parameter.name}={parameter.default}")
+                typer.echo(f"    --set {setting}    {parameter.meaning}")
+        return
+    given = dict(_setting(each) for each in settings or ())
+    typer.echo(fill(name, **given).rstrip())
+
+
+def _setting(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise InvalidInput(f"{text!r} sets nothing", "Write NAME=VALUE.", "--set")
+    return name, value
 
 
 def add(
-    file: Annotated[
-        Path, typer.Argument(help="The rule as YAML or JSON; - reads standard input.", allow_dash=True)
-    ],
+    file: RuleFile,
     map_name: Annotated[str, typer.Option("--map", help="The map it is for.")],
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace the rule of this name if there is one.")
+    ] = False,
+    backfill: Backfill = None,
     dsn: Dsn = None,
 ) -> None:
-    """Add a rule. It is in force from its place in the log on.
+    """Add a rule. It is in force from its place in the log on, and with --backfill for the past, too.
 
     For example, both edges of a query in one declaration:
 
@@ -66,53 +140,107 @@ def add(
         input: track_in_room
         emit: {began: came, ended: went}
     """
-    from semap.rules.declaration import parse_declaration  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.rules import add_rule  # noqa: PLC0415
+    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap_service.rule_editing import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
 
-    declaration = parse_declaration(_document(file))
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
-        made = add_rule(connection, map_name, declaration)
-    typer.echo(f"Rule {made.rule_id} made: {made.name}, over the query {made.query}.")
-
-
-def _document(file: Path) -> object:
-    import yaml  # noqa: PLC0415
-
-    try:
-        return yaml.safe_load(sys.stdin.read() if str(file) == "-" else file.read_text())
-    except OSError as error:
-        raise InvalidInput(f"{file} cannot be read: {error.strerror}", "Check the path.") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InvalidInput(
-            f"not YAML or JSON: {error}", "Mend the file; see `semap rule add --help`.", str(file)
-        ) from error
+    declaration = declaration_in(file)
+    since = None if backfill is None else backfill_stamp(backfill)
+    with _editing(dsn) as connection:
+        try:
+            known = find_rule(connection, declaration.name, map_name) if replace else None
+        except NotFound as error:
+            if error.kind != "rule":
+                raise
+            known = None
+        if known is not None:
+            done = replace_rule(connection, known.rule_id, declaration, since)
+        else:
+            done = add_rule(connection, map_name, declaration, since)
+    _say(done, "made" if known is None else "replaced")
 
 
-def enable(rule_id: RuleId, dsn: Dsn = None) -> None:
+def replace(
+    rule: RuleName,
+    file: RuleFile,
+    map_name: MapOfRule = None,
+    backfill: Backfill = None,
+    dsn: Dsn = None,
+) -> None:
+    """Let a rule declare something else, as its next version; what it gathered for the former is dropped."""
+    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap_service.rule_editing import backfill_stamp, replace_rule  # noqa: PLC0415
+
+    since = None if backfill is None else backfill_stamp(backfill)
+    with _editing(dsn) as connection:
+        known = find_rule(connection, rule, map_name)
+        done = replace_rule(connection, known.rule_id, declaration_in(file, known.name), since)
+    _say(done, "replaced")
+
+
+def enable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Let a rule make events again, from now on."""
-    _enable(rule_id, True, dsn)
+    _enable(rule, map_name, True, dsn)
 
 
-def disable(rule_id: RuleId, dsn: Dsn = None) -> None:
+def disable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Let a rule make no events."""
-    _enable(rule_id, False, dsn)
+    _enable(rule, map_name, False, dsn)
 
 
-def _enable(rule_id: int, enabled: bool, dsn: str | None) -> None:
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.rules import enable_rule  # noqa: PLC0415
+def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
+    """Delete a rule that no other reads; the events that it made stay."""
+    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap_service.rule_editing import delete_rule  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
-        done = enable_rule(connection, rule_id, enabled)
+    with _editing(dsn) as connection:
+        known = find_rule(connection, rule, map_name)
+        delete_rule(connection, known.rule_id)
+    typer.echo(f"Rule {known.rule_id} deleted: {known.name}.")
+
+
+def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
+    """Count the rows that came after the rules had gone on, by map and input."""
+    from semap.store.late_rows import count_late_rows  # noqa: PLC0415
+
+    with _reading(dsn) as connection:
+        _require_map(connection, map_name)
+        rows = [asdict(found) for found in count_late_rows(connection, map_name=map_name)]
+    print_rows(rows, as_json, "No row came late.")
+
+
+def _require_map(connection: Connection, map_name: str | None) -> None:
+    """raises NotFound for a name that is no map's"""
+    from semap.store.maps import get_map  # noqa: PLC0415
+
+    if map_name is not None:
+        get_map(connection, map_name)
+
+
+def _enable(rule: str, map_name: str | None, enabled: bool, dsn: str | None) -> None:
+    from semap.store.rules import enable_rule, find_rule  # noqa: PLC0415
+
+    with _editing(dsn) as connection:
+        done = enable_rule(connection, find_rule(connection, rule, map_name).rule_id, enabled)
     typer.echo(f"Rule {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
 
-def delete(rule_id: RuleId, dsn: Dsn = None) -> None:
-    """Delete a rule; the events that it made stay."""
+def _say(done: Rule, what: str) -> None:
+    over = f", over {', '.join(done.queries)}" if done.queries else ""
+    past = "" if done.backfill_from is None else "; it runs over the past as well"
+    typer.echo(f"Rule {done.rule_id} {what}: {done.name}, version {done.version}{over}{past}.")
+
+
+@contextmanager
+def _reading(dsn: str | None) -> Iterator[Connection]:
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.rules import delete_rule  # noqa: PLC0415
+
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        yield connection
+
+
+@contextmanager
+def _editing(dsn: str | None) -> Iterator[Connection]:
+    from semap.store.database import one_transaction  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
-        delete_rule(connection, rule_id)
-    typer.echo(f"Rule {rule_id} deleted.")
+        yield connection

@@ -22,6 +22,8 @@ class Scene:
 
     pace   so many times as fast as it happened
     shown  at most so many events are printed one by one
+    doors  states of its doors, in a file beside the movement
+    rules  templates of rules that it adds to both edges of who is in which room
     """
 
     name: str
@@ -31,13 +33,16 @@ class Scene:
     pace: float
     layout: Layout = field(default_factory=Layout)
     shown: int = 40
+    doors: Path | None = None
+    rules: tuple[str, ...] = ()
 
 
 def scenes(data: Path | None) -> list[Scene]:
     """The built-in office, and what of the real data sets is in the folder `data`."""
     found = [
-        Scene("office", "three people in a small office (built in, simulated)",
-              read_building(OWN / "office.geojson"), OWN / "walk.csv", 8.0)
+        Scene("office", "three people and seven doors in a small office (built in, simulated)",
+              read_building(OWN / "office.geojson"), OWN / "walk.csv", 8.0, shown=80, doors=OWN / "doors.csv",
+              rules=("opened_then_entered", "entered_then_closed", "left_then_closed"))
     ]  # fmt: skip
     if data is not None and (data / "flat" / "rooms.geojson").is_file():
         found.append(_flat(data / "flat"))

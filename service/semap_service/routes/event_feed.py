@@ -32,7 +32,7 @@ async def event_feed(socket: WebSocket, database: Database) -> None:
     """Hello, then every selected event after the cursor in order, and heartbeats in between."""
     await socket.accept()
     try:
-        selection = Selection(socket.query_params.get("map"), socket.query_params.get("type"))
+        selection = Selection(*(socket.query_params.get(name) for name in ("map", "type", "rule")))
         after = _cursor(socket.query_params.get("after"))
         cursor, head = await asyncio.to_thread(_begin, database, after, selection)
         await socket.send_json({"type": "hello", "cursor": cursor, "head": head})

@@ -39,16 +39,17 @@ async def list_events(
     ] = 0,
     map_name: MapFilter = None,
     event_type: Annotated[Name | None, Query(alias="type", description="Only events of this type.")] = None,
+    rule_name: Annotated[Name | None, Query(alias="rule", description="Only events of this rule.")] = None,
 ) -> EventList:
     """Events after a number, oldest first; with `wait` as soon as there is one.
 
-    Events are also pushed over the WebSocket /events/feed with the same parameters `after`, `map` and
-    `type`: {"type": "hello", "cursor", "head"}, then {"type": "event", "cursor", "event"} for each, and
+    Events are also pushed over the WebSocket /events/feed with the same parameters `after`, `map`, `type`
+    and `rule`: {"type": "hello", "cursor", "head"}, then {"type": "event", "cursor", "event"} for each, and
     {"type": "heartbeat", "cursor"} after 15 s of silence. Without `after` it begins with what comes.
     """
     deadline_s = time.monotonic() + wait
     feed: Feed = request.app.state.feed
-    selection = Selection(map_name, event_type)
+    selection = Selection(map_name, event_type, rule_name)
     if map_name is not None:
         await asyncio.to_thread(_require_map, database, map_name)
     page = await asyncio.to_thread(feed.read_stored, after, limit, selection)

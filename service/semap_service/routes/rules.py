@@ -2,49 +2,83 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from datetime import datetime
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Response
 from pydantic import Field
 from sqlalchemy import Connection
 
-from semap.rules.declaration import parse_declaration
+from semap.errors import InvalidInput
+from semap.rules.reading import parse_declaration
 from semap.store import rules
 from semap.store.maps import get_map
+from semap_service import rule_editing
 from semap_service.document import (
     After,
     Document,
+    InStamp,
     Limit,
     MapFilter,
     Name,
     Next,
     Request,
     SmallId,
+    Stamp,
     next_after,
 )
 from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.problem import problems
+from semap_service.rule_editing import ALL
 from semap_service.transaction import Database, Edit, Write, transaction
 
 router = APIRouter(tags=["rules"], route_class=TaggedRoute)
 
-EXAMPLE = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
+EDGES = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
+PATTERN = {
+    "input": ["track_in_room", "door"],
+    "partition_by": "room",
+    "pattern": "O followed by E",
+    "define": {
+        "O": "input = 'door' and type = 'open'",
+        "E": "input = 'track_in_room' and type = 'began'",
+    },
+    "measures": {"gap_s": "seconds_between(first(O.stamp), last(E.stamp))"},
+    "within": "6 s",
+    "emit": "opened_then_entered",
+}
 Declaration = Annotated[
     dict[str, Any],
-    Field(description="What it reads, and the events that it makes of it.", examples=[EXAMPLE]),
+    Field(
+        description="What it reads, and the events that it makes of it; the clauses are in docs/rules.md.",
+        examples=[EDGES, PATTERN],
+    ),
+]
+Backfill = Annotated[
+    InStamp | Literal["all"] | None,
+    Field(
+        description="Run over what was stored from this stamp on (`all`: over everything) as well, as if the"
+        " rule had been there; without it, it is for what happens from now on.",
+        examples=["all"],
+    ),
 ]
 
 
 class RuleDocument(Document):
-    """A rule: which events are made of which relations."""
+    """A rule: which events are made of what."""
 
     id: int
     map: str = Field(examples=["office"])
     name: str = Field(examples=["room_visits"])
     version: int = Field(description="Rises with each change of the declaration.")
-    query: str = Field(examples=["track_in_room"])
+    queries: list[str] = Field(
+        description="The continuous queries that it reads.", examples=[["track_in_room"]]
+    )
     declaration: Declaration
     enabled: bool
+    backfill_from: Stamp | None = Field(
+        description="From when on this version runs over what was stored before it; null: it does not."
+    )
 
 
 class RuleList(Document):
@@ -52,12 +86,26 @@ class RuleList(Document):
     next: Next
 
 
+class RuleVersionDocument(Document):
+    """What a rule declared, and since when."""
+
+    version: int
+    name: str
+    declaration: Declaration
+    declared_at: Stamp
+
+
+class RuleVersionList(Document):
+    versions: list[RuleVersionDocument] = Field(description="From the first on.")
+
+
 class NewRule(Request):
-    """A rule for what happens from now on."""
+    """A rule for what happens from now on, and for the past where it is asked for."""
 
     map: Name = Field(examples=["office"])
     name: Name = Field(examples=["room_visits"])
     declaration: Declaration
+    backfill_from: Backfill = None
 
 
 class RuleChanges(Request):
@@ -65,6 +113,7 @@ class RuleChanges(Request):
 
     enabled: bool | None = None
     declaration: Declaration | None = None
+    backfill_from: Backfill = None
 
 
 @router.get("/rules", operation_id="list_rules", responses=reads(404))
@@ -83,10 +132,14 @@ def list_rules(
 
 @router.post("/rules", operation_id="add_rule", status_code=201, responses=problems(404, 409))
 def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
-    """Make events of relations that begin or end from now on."""
-    declared = parse_declaration({"name": new.name, **new.declaration})
+    """Make events from now on, and of what is stored where `backfill_from` says so.
+
+    A name in `input` is looked up among the queries of the map, then among its rules; any other is a property
+    of objects. Rules that would read one another in a circle are refused.
+    """
+    declared = parse_declaration({**new.declaration, "name": new.name})
     with write.begin() as connection:
-        made = rules.add_rule(connection, new.map, declared)
+        made = rule_editing.add_rule(connection, new.map, declared, _stamp(new.backfill_from))
     response.headers["Location"] = f"/rules/{made.rule_id}"
     return _document(made)
 
@@ -100,21 +153,42 @@ def get_rule(database: Database, id: SmallId) -> RuleDocument:  # noqa: A002
 
 @router.patch("/rules/{id}", operation_id="change_rule", responses=edits(404, 409))
 def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument:  # noqa: A002
-    """Let a rule rest or work, or declare something else; that holds for what happens from now on."""
+    """Let a rule rest or work, or declare something else.
+
+    What it declares is a new version. It holds for what happens from now on, and with `backfill_from` for
+    what is stored, too.
+    """
+    if changes.declaration is None and changes.backfill_from is not None:
+        raise InvalidInput(
+            "a stamp without a declaration", "Give the declaration that is to run.", "backfill_from"
+        )
     with edit.begin(lambda connection: _read(connection, id)) as connection:
         rule = rules.get_rule(connection, id)
         if changes.declaration is not None:
-            rule = rules.declare_rule(connection, id, parse_declaration(changes.declaration, rule.name))
+            declared = parse_declaration(changes.declaration, rule.name)
+            rule = rule_editing.replace_rule(connection, id, declared, _stamp(changes.backfill_from))
         if changes.enabled is not None:
             rule = rules.enable_rule(connection, id, changes.enabled)
     return _document(rule)
 
 
-@router.delete("/rules/{id}", operation_id="delete_rule", status_code=204, responses=edits(404))
+@router.get("/rules/{id}/versions", operation_id="list_rule_versions", responses=reads(404))
+def list_rule_versions(database: Database, id: SmallId) -> RuleVersionList:  # noqa: A002
+    """What a rule declared from its first version on."""
+    with transaction(database) as connection:
+        found = rules.list_versions(connection, id)
+    return RuleVersionList(versions=[RuleVersionDocument.model_validate(each) for each in found])
+
+
+@router.delete("/rules/{id}", operation_id="delete_rule", status_code=204, responses=edits(404, 409))
 def delete_rule(edit: Edit, id: SmallId) -> None:  # noqa: A002
-    """Delete a rule; the events that it made stay."""
+    """Delete a rule; the events that it made stay. One whose events other rules read is refused."""
     with edit.begin(lambda connection: _read(connection, id)) as connection:
-        rules.delete_rule(connection, id)
+        rule_editing.delete_rule(connection, id)
+
+
+def _stamp(backfill: datetime | Literal["all"] | None) -> datetime | None:
+    return rules.SINCE_EVER if backfill == ALL else backfill
 
 
 def _read(connection: Connection, rule_id: int) -> RuleDocument:
@@ -127,7 +201,8 @@ def _document(rule: rules.Rule) -> RuleDocument:
         map=rule.map,
         name=rule.name,
         version=rule.version,
-        query=rule.query,
+        queries=list(rule.queries),
         declaration=dict(rule.declaration),
         enabled=rule.enabled,
+        backfill_from=rule.backfill_from,
     )

@@ -1,0 +1,4 @@
+"""Apache Flink as a second opinion: where it is, and the programs that ask it.
+
+`./dev flink` puts its libraries into .flink where there is a JDK 17 or newer. semap itself needs none.
+"""

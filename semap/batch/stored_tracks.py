@@ -1,0 +1,151 @@
+"""Track states as they were stored, and the regions that they are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+import psycopg
+import shapely
+from numpy.typing import NDArray
+
+from semap.batch.crossing import Area
+from semap.store.database import translated
+
+STATES = """
+    select s.track_id, (extract(epoch from s.stamp) * 1000000)::bigint, s.x_m, s.y_m, coalesce(s.z_m, 'nan'),
+           coalesce(s.std_m, 'nan'), s.is_last
+    from semap.track_state s
+    join semap.track t using (track_id)
+    where t.map_id = %(map_id)s and s.stamp >= %(start)s and s.stamp < %(end)s
+    order by s.track_id, s.stamp
+"""
+# a track may have stood unseen for long before the span: what it was in then, the triggers have noted
+TRACKS = """
+    with seen as (
+      select distinct on (track_id) track_id, stamp, is_last from semap.track_state
+      where stamp >= %(start)s - interval '1 hour' and stamp < %(start)s and track_id = any (%(track_ids)s)
+      order by track_id, stamp desc
+    ), noted as (
+      select distinct on (track_id) track_id, stamp, cause = 'disappeared' as is_last
+      from semap.relation_change
+      where stamp < %(start)s and track_id = any (%(track_ids)s)
+      order by track_id, change_id desc
+    )
+    select t.track_id, t.name, t.uid, case when t.ended_at < %(end)s then t.ended_at end,
+           not coalesce(case when n.stamp >= s.stamp then n.is_last end, s.is_last, n.is_last, true)
+    from semap.track t left join seen s using (track_id) left join noted n using (track_id)
+    where t.track_id = any (%(track_ids)s)
+"""
+REGIONS = """
+    select region_id, query_id, query_name, instance_id, instance_uid, instance_name,
+           st_asbinary(footprint), z_min_m, z_max_m
+    from semap.region where map_id = %(map_id)s
+"""
+
+
+@dataclass(frozen=True)
+class StoredTrack:
+    """A track as a span of its states sees it.
+
+    ended_at   where it ended before the end of the span
+    was_there  it was there before the span and had not ended
+    """
+
+    track_id: int
+    name: str
+    uid: str
+    ended_at: datetime | None
+    was_there: bool
+
+
+@dataclass(frozen=True)
+class StoredRegion:
+    """A region with the query and the instance that it is of."""
+
+    area: Area
+    query_id: int
+    query_name: str
+    instance_id: int
+    instance_uid: str
+    instance_name: str
+
+
+@dataclass(frozen=True)
+class StoredStates:
+    """States of a span, sorted by track and stamp.
+
+    track_id    (n,)
+    stamp_us    (n,)
+    position_m  (n, 2) [m, map frame]
+    z_m, std_m  (n,) NaN where unknown
+    is_last     (n,)
+    """
+
+    track_id: NDArray[np.int64]
+    stamp_us: NDArray[np.int64]
+    position_m: NDArray[np.float64]
+    z_m: NDArray[np.float64]
+    std_m: NDArray[np.float64]
+    is_last: NDArray[np.bool_]
+
+
+PAGE = 50_000
+
+
+def read_states(connection: psycopg.Connection, map_id: int, start: datetime, end: datetime) -> StoredStates:
+    """All states of a map's tracks from `start` on and before `end`."""
+    numbers: list[NDArray[np.float64]] = []
+    stamps: list[NDArray[np.int64]] = []
+    with translated(), connection.transaction(), connection.cursor("states", binary=True) as cursor:
+        cursor.execute(STATES, {"map_id": map_id, "start": start, "end": end})
+        while page := cursor.fetchmany(PAGE):
+            # a float holds a stamp of today to a quarter of a microsecond, but not one of any year
+            stamps.append(np.array([row[1] for row in page], np.int64))
+            numbers.append(np.array([(row[0], *row[2:]) for row in page], np.float64))
+    if not numbers:
+        return StoredStates(*_nothing())
+    table = np.concatenate(numbers)
+    return StoredStates(
+        table[:, 0].astype(np.int64),
+        np.concatenate(stamps),
+        table[:, 1:3],
+        table[:, 3],
+        table[:, 4],
+        table[:, 5].astype(np.bool_),
+    )
+
+
+def read_tracks(
+    connection: psycopg.Connection, track_ids: list[int], start: datetime, end: datetime
+) -> Mapping[int, StoredTrack]:
+    """Those of a span from `start` on and before `end`, by id."""
+    wanted = {"track_ids": track_ids, "start": start, "end": end}
+    with translated():
+        rows = connection.execute(TRACKS, wanted).fetchall()
+    return {row[0]: StoredTrack(row[0], row[1], str(row[2]), row[3], row[4]) for row in rows}
+
+
+def read_regions(connection: psycopg.Connection, map_id: int) -> Mapping[int, StoredRegion]:
+    """By id; the map as it is now."""
+    with translated():
+        rows = connection.execute(REGIONS, {"map_id": map_id}).fetchall()
+    return {
+        region_id: StoredRegion(
+            Area(region_id, shapely.from_wkb(bytes(wkb)), low, high),
+            query_id,
+            query,
+            instance_id,
+            str(uid),
+            name,
+        )
+        for region_id, query_id, query, instance_id, uid, name, wkb, low, high in rows
+    }
+
+
+def _nothing() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64],
+                        NDArray[np.float64], NDArray[np.bool_]]:  # fmt: skip
+    return (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0),
+            np.zeros(0, np.bool_))  # fmt: skip

@@ -1,0 +1,52 @@
+"""Formulas as JSON, a list of the operator's name and its parts: what is left of one is stored in a state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+
+
+def dump_formula(formula: Formula) -> list[object]:
+    """The formula as JSON."""
+    match formula:
+        case Atom(name):
+            return ["atom", name]
+        case Constant(value):
+            return ["constant", value]
+        case Not(inner):
+            return ["not", dump_formula(inner)]
+        case And(parts):
+            return ["and", *map(dump_formula, parts)]
+        case Or(parts):
+            return ["or", *map(dump_formula, parts)]
+        case Eventually(inner, least, most):
+            return ["eventually", least, most, dump_formula(inner)]
+        case Always(inner, least, most):
+            return ["always", least, most, dump_formula(inner)]
+        case Until(left, right, least, most):
+            return ["until", least, most, dump_formula(left), dump_formula(right)]
+
+
+def load_formula(document: object) -> Formula:
+    """The formula that `dump_formula` gave."""
+    operator, *parts = cast(Sequence[object], document)
+    match operator:
+        case "atom":
+            return Atom(cast(str, parts[0]))
+        case "constant":
+            return Constant(cast(bool, parts[0]))
+        case "not":
+            return Not(load_formula(parts[0]))
+        case "and":
+            return And(tuple(map(load_formula, parts)))
+        case "or":
+            return Or(tuple(map(load_formula, parts)))
+    least, most = cast(int, parts[0]), cast("int | None", parts[1])
+    inner = [load_formula(part) for part in parts[2:]]
+    if operator == "eventually":
+        return Eventually(inner[0], least, most)
+    if operator == "always":
+        return Always(inner[0], least, most)
+    return Until(inner[0], inner[1], least, most)

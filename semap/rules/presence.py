@@ -1,0 +1,74 @@
+"""Who is where: the tracks in each instance by each query, as of the row taken last.
+
+It belongs to one rule, which reads `occupants`: a rule that runs alone over the past counts by itself.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import TypeAlias
+
+from semap.rules.row import Row, Value
+
+Place: TypeAlias = tuple[str, int]
+"""The name of a query and the id of an instance."""
+
+
+class Presence:
+    """Mutable; `changed` names the places whose tracks are not the ones that were read last."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[Place, set[Value]] = {}
+        self._changed: set[Place] = set()
+
+    def after(self, row: Row) -> Row:
+        """Take a row; gives it with its `occupants`, or as it is where it is no relation's."""
+        if row.source != "relation":
+            return row
+        values = row.values
+        place = (str(values.get("input")), int(str(values.get("instance_id"))))
+        tracks = self._tracks.setdefault(place, set())
+        before = len(tracks)
+        if values.get("type") == "began":
+            tracks.add(values.get("track_id"))
+        else:
+            tracks.discard(values.get("track_id"))
+        if len(tracks) != before:
+            self._changed.add(place)
+        if not tracks:
+            del self._tracks[place]
+        counted = {**values, "occupants": len(tracks)}
+        return Row(row.stamp_us, row.rank, row.uid, row.source, counted, row.concepts)
+
+    def changes(self) -> Iterable[tuple[str, object]]:
+        """What is to be stored since the last call: places with their tracks, None where nobody is."""
+        changed, self._changed = self._changed, set()
+        for place in changed:
+            tracks = self._tracks.get(place)
+            yield _text(place), None if tracks is None else sorted(tracks, key=str)
+
+    def load(self, text: str, tracks: Iterable[Value]) -> None:
+        """Take what was stored of one place."""
+        self._tracks[_place(text)] = set(tracks)
+
+    def texts(self) -> Iterable[str]:
+        """The places at which somebody is, as they are stored."""
+        return [_text(place) for place in self._tracks]
+
+
+def is_place(text: str) -> bool:
+    """Whether a stored key is a place, and not the key of a rule's partition, which is an array."""
+    return text.startswith("{")
+
+
+def _text(place: Place) -> str:
+    query, instance_id = place
+    return json.dumps(
+        {"occupants_by": query, "instance_id": instance_id}, ensure_ascii=False, separators=(",", ":")
+    )
+
+
+def _place(text: str) -> Place:
+    document = json.loads(text)
+    return document["occupants_by"], document["instance_id"]

@@ -1,0 +1,91 @@
+"""How a rule begins: with the past that it is to run over, with what holds now, or with nothing.
+
+The rows up to the seam come from the tables, those after it through the log. The database noted the seam
+while nobody wrote, so that each row is on one side of it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+
+import psycopg
+
+from semap.errors import InvalidInput
+from semap.model.event import Event
+from semap.rules.declaration import Declaration, IntervalPattern, TemporalFormula
+from semap.rules.needs import needs_of, properties_read
+from semap.rules.row import Row
+from semap.rules.rule import Rule
+from semap.rules.sources import NEVER_US
+from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.worker.enrichment import enriched
+from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
+from semap.worker.inputs import RuleChange
+from semap.worker.progress import Progress
+
+log = logging.getLogger(__name__)
+
+FOR_EVER_US = (FOR_EVER - EPOCH) // MICROSECOND
+ENRICHED_AT_ONCE = 1000
+
+
+def begin_rule(
+    connection: psycopg.Connection, progress: Progress, change: RuleChange, made: Sequence[Event] = ()
+) -> list[Event]:
+    """Put a rule in force as it is declared now; gives the events that it makes of the past.
+
+    made  events that are not stored yet
+    """
+    engine, rule = progress.engine, change.rule
+    known = engine.rules.get(change.rule_id)
+    try:
+        engine.change_rule(change.rule_id, rule)
+    except InvalidInput as error:
+        log.error("Rule %d is not in force: %s", change.rule_id, error)
+        engine.change_rule(change.rule_id, rule := None)
+    if rule is None:
+        progress.seams.pop(change.rule_id, None)
+        return []
+    seam = change.seam if change.seam != progress.seams.get(rule.rule_id) else None
+    if not rule.enabled or (rule == known and seam is None):
+        return []
+    span = _span(rule.declaration, change, seam, engine.released_us(rule.map_id))
+    if seam is not None:
+        progress.seams[rule.rule_id] = seam
+    if span is None or span.from_us is None:
+        return []
+    names = frozenset(each.name for each in engine.rules.values() if each.map_id == rule.map_id)
+    rows = history_rows(connection, rule, names, span, progress.facts)
+    rows += unwritten_rows(rule, names, span, made, progress.facts)
+    begun = engine.begin(
+        rule.rule_id, enriched_for(connection, rule, list({row.uid: row for row in rows}.values()))
+    )
+    from_stamp = to_datetime(span.from_us)
+    return [event for event in begun if event.stamp >= from_stamp]
+
+
+def enriched_for(connection: psycopg.Connection, rule: Rule, rows: Sequence[Row]) -> Iterator[Row]:
+    """Rows with what one rule needs of them."""
+    needs = needs_of(rule.declaration)
+    for start in range(0, len(rows), ENRICHED_AT_ONCE):
+        yield from enriched(connection, rule.map_id, rows[start : start + ENRICHED_AT_ONCE], needs)
+
+
+def looks_back(declaration: Declaration) -> bool:
+    """Whether a rule asks what holds, which began before it did."""
+    if isinstance(declaration.body, IntervalPattern | TemporalFormula):
+        return True
+    return "occupants" in properties_read(declaration)
+
+
+def _span(
+    declaration: Declaration, change: RuleChange, seam: Mapping[str, int] | None, released_us: int
+) -> Span | None:
+    """The rows that a rule begins with; events before the span are not its own."""
+    held = looks_back(declaration)
+    if seam is not None and change.backfill_from_us is not None:
+        return Span(change.backfill_from_us, seam=seam, with_held=held)
+    if not held:
+        return None
+    return Span(FOR_EVER_US if released_us == NEVER_US else released_us + 1, seam=seam, with_held=True)

@@ -1,0 +1,138 @@
+"""Rules over stored history, beside the worker and without writing: dry runs, and gaps in what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import psycopg
+
+from semap.errors import InvalidInput, NotFound
+from semap.model.event import Event
+from semap.rules.confidence import learn
+from semap.rules.declaration import Declaration
+from semap.rules.reading import parse_declaration
+from semap.rules.row import Row
+from semap.rules.rule import Rule
+from semap.rules.run_over import run_over
+from semap.store.database import translated
+from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.worker.backfill import enriched_for, looks_back
+from semap.worker.history_rows import Span, history_rows
+from semap.worker.map_facts import load_map_facts
+
+MAP = """
+    select m.map_id,
+           coalesce((select jsonb_object_agg(name, query_id)
+                     from semap.continuous_query q where q.map_id = m.map_id), '{}'),
+           array(select name from semap.rule r where r.map_id = m.map_id)
+    from semap.map m where m.name = %s
+"""
+HEARD = "select max(watermark) from semap.source where map_id = %s and isfinite(watermark)"
+
+
+@dataclass(frozen=True)
+class PastOfMap:
+    """What a rule may read on a map, and its history; `heard_us` is how far the newest source has come."""
+
+    connection: psycopg.Connection
+    map_id: int
+    queries: dict[str, int]
+    rule_names: frozenset[str]
+    heard_us: int | None
+
+    def rule(self, declaration: Declaration) -> Rule:
+        """A rule as it would be in force on this map."""
+        read = {item.name for item in declaration.inputs if item.kind in (None, "query")}
+        queries = {name: query_id for name, query_id in self.queries.items() if name in read}
+        others = self.rule_names - {declaration.name}
+        return Rule(0, self.map_id, 1, True, declaration, queries).among(others)
+
+    def rows(self, rule: Rule, span: Span) -> list[Row]:
+        """The rows that a rule reads, with what it needs of them."""
+        facts = load_map_facts(self.connection)
+        rows = history_rows(self.connection, rule, self.rule_names, span, facts)
+        return list(enriched_for(self.connection, rule, rows))
+
+
+def past_of_map(connection: psycopg.Connection, map_name: str) -> PastOfMap:
+    """raises NotFound"""
+    with translated():
+        row = connection.execute(MAP, [map_name]).fetchone()
+        if row is None:
+            raise NotFound("map", map_name, "List them: semap map list")
+        heard = connection.execute(HEARD, [row[0]]).fetchone()
+    map_id, queries, rule_names = row
+    heard_us = None if heard is None or heard[0] is None else stamp_us(heard[0])
+    return PastOfMap(connection, map_id, queries, frozenset(rule_names), heard_us)
+
+
+def dry_run(
+    connection: psycopg.Connection,
+    map_name: str,
+    declaration: Declaration,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    most_rows: int | None = None,
+    watch: Callable[[int], None] = lambda count: None,
+) -> list[Event]:
+    """The events that a rule would have made of stored rows with stamps from `start` to before `end`.
+
+    watch   is told again and again how many events there are, and ends the run by raising
+    raises  NotFound if there is no such map, TooLarge if there are more than `most_rows` in a table,
+            InvalidInput if it ends before it begins
+    """
+    if start is not None and end is not None and end <= start:
+        raise InvalidInput("it ends before it begins", "Give the earlier stamp first.", "to")
+    past = past_of_map(connection, map_name)
+    from_us = None if start is None else stamp_us(start)
+    end_us = None if end is None else stamp_us(end) - 1
+    rule = past.rule(declaration)
+    rows = past.rows(rule, Span(from_us, end_us, with_held=looks_back(declaration), most_rows=most_rows))
+    known_us = [row.stamp_us for row in rows[-1:]] + ([] if past.heard_us is None else [past.heard_us])
+    until_us = max(known_us, default=0) if end_us is None else end_us
+    events = run_over([rule], rows, until_us, watch)
+    return events if start is None else [event for event in events if event.stamp >= start]
+
+
+def learnt(
+    connection: psycopg.Connection,
+    map_name: str,
+    declaration: Declaration,
+    start: datetime | None = None,
+    end: datetime | None = None,
+) -> Declaration:
+    """The same rule with those parameters of its confidence under which the gaps in history are likeliest.
+
+    raises  InvalidInput if it declares no confidence, or history has too few gaps; NotFound
+    """
+    confidence = declaration.confidence
+    if confidence is None:
+        raise InvalidInput(
+            f"the rule {declaration.name} declares no confidence",
+            "Add a first guess, such as {gap: [A, B], distribution: lognormal, median_s: 2, sigma: 1}.",
+            "confidence",
+        )
+    # whatever is unlikely by the first guess counts as well
+    unsure = replace(declaration, confidence=None)
+    events = dry_run(connection, map_name, unsure, start, end)
+    gaps_s = [
+        gap_s for event in events if (gap_s := _gap_s(event, confidence.first, confidence.last)) is not None
+    ]
+    fitted = learn(confidence.distribution, gaps_s)
+    document = dict(declaration.as_json())
+    clause = document["confidence"]
+    document["confidence"] = {**(clause if isinstance(clause, dict) else {}), **fitted}
+    return parse_declaration(document, declaration.name)
+
+
+def stamp_us(stamp: datetime) -> int:
+    return (stamp - EPOCH) // MICROSECOND
+
+
+def _gap_s(event: Event, first: str, last: str) -> float | None:
+    """From the first row bound to one variable to the last row bound to another [s]."""
+    begins = [each.stamp for each in event.evidence if each.variable == first]
+    ends = [each.stamp for each in event.evidence if each.variable == last]
+    return (ends[-1] - begins[0]).total_seconds() if begins and ends else None

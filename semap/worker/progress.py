@@ -1,0 +1,237 @@
+"""How far the rule worker has come, and what it knew there: loaded from the database, and committed to it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import zip_longest
+
+import psycopg
+from psycopg.types.json import Jsonb
+
+from semap.errors import SlotLost
+from semap.model.event import Event
+from semap.replication.pgoutput import format_lsn, parse_lsn
+from semap.rules.engine import Changes, Engine
+from semap.store.database import translated
+from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.worker.inputs import SourceChange, read_rule
+from semap.worker.map_facts import MapFacts, load_map_facts
+
+WORKER = "rules"
+ROLE = "semap_worker"
+
+LOAD = """
+    select lsn::text, rule_state, watermarks, updated_at from semap.progress where worker = %s
+"""
+COMMIT = """
+    select semap.commit_progress(%s, %s::pg_lsn, %s::pg_lsn, %s, %s, %s, %s::jsonb, %s::jsonb,
+                                 jsonb_build_object('added', %s::jsonb, 'removed', %s::jsonb), %s::jsonb)
+"""
+PART_CHARACTERS = 16_000_000
+"""About so much JSON is handed over at once: the database takes no array of 256 MiB or more."""
+
+
+@dataclass
+class Progress:
+    """Mutable: a place in the log, and what was known there.
+
+    committed_at_us  when the last transaction before that place was committed, by the server's clock
+    facts_at_us      when the last that edited a map was
+    seams            where the past ended that each rule was run over, by its id
+    spoken_at_us     when each source spoke last, by its id, by the server's clock
+    rules_stored     the rules as they were committed last; None where that is not known
+    """
+
+    lsn: int
+    committed_at_us: int
+    engine: Engine = field(default_factory=Engine)
+    facts: MapFacts = field(default_factory=MapFacts)
+    facts_at_us: int = 0
+    seams: dict[int, Mapping[str, int]] = field(default_factory=dict)
+    spoken_at_us: dict[int, int] = field(default_factory=dict)
+    rules_stored: Mapping[str, object] | None = None
+
+    def rules_json(self) -> dict[str, object]:
+        """The rules in force as of the place, as `semap.rule_json` gives them."""
+        return {
+            rule_id: {**document, "seam": self.seams.get(int(rule_id))}  # type: ignore[dict-item]
+            for rule_id, document in self.engine.rules_json().items()
+        }
+
+    def sources(self) -> Iterator[tuple[SourceChange, bool]]:
+        """What each source said last, and whether it is idle."""
+        for map_id, document in self.engine.watermarks_json().items():
+            for source_id, mark in document["sources"].items():  # type: ignore[index]
+                source = SourceChange(int(map_id), int(source_id), mark["stamp_us"], mark["lateness_us"])
+                yield source, mark["idle"]
+
+    def watermarks_json(self) -> dict[str, object]:
+        return {
+            "committed_at_us": self.committed_at_us,
+            "facts_at_us": self.facts_at_us,
+            "maps": self.engine.watermarks_json(),
+            "spoken_at_us": self.spoken_at_us,
+        }
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a stretch of the log makes: events, and maps that it deletes, whose events go."""
+
+    events: Sequence[Event] = ()
+    gone_maps: Sequence[int] = ()
+
+
+# whoever writes states of a source may hold its row for long, and nobody waits for a remark
+NOTE_IDLE = """
+    update semap.source s set idle = n.idle
+    from unnest(%s::integer[], %s::boolean[]) as n (source_id, idle)
+    where s.source_id = n.source_id and s.source_id in (
+      select source_id from semap.source where source_id = any (%s) for no key update skip locked)
+    returning s.source_id
+"""
+
+
+def load_progress(connection: psycopg.Connection) -> Progress:
+    """The progress that was committed last; its place is 0 where a resync was begun and did not end.
+
+    raises SlotLost where there is none
+    """
+    with translated():
+        row = connection.execute(LOAD, [WORKER]).fetchone()
+    if row is None:
+        raise SlotLost("The rule worker has no place in the log.", "Run `semap db migrate`.")
+    lsn, documents, watermarks, updated_at = row
+    committed_at_us = watermarks.get("committed_at_us", (updated_at - EPOCH) // MICROSECOND)
+    facts_at_us = watermarks.get("facts_at_us", committed_at_us)
+    rules = (read_rule(int(rule_id), document) for rule_id, document in documents.items())
+    with translated():
+        engine = Engine.restore(
+            [rule for rule in rules if rule is not None],
+            watermarks.get("maps", {}),
+            connection.execute(
+                "select rule_id, key, state from semap.rule_state where worker = %s", [WORKER]
+            ).fetchall(),
+            connection.execute(
+                "select map_id, row from semap.pending_row where worker = %s", [WORKER]
+            ).fetchall(),
+        )
+    return Progress(
+        lsn=parse_lsn(lsn),
+        committed_at_us=committed_at_us,
+        engine=engine,
+        facts=load_map_facts(connection, to_datetime(facts_at_us)),
+        facts_at_us=facts_at_us,
+        seams={int(rule_id): document["seam"] for rule_id, document in documents.items() if document["seam"]},
+        spoken_at_us={int(source): at_us for source, at_us in watermarks.get("spoken_at_us", {}).items()},
+    )
+
+
+def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Progress, made: Made) -> int:
+    """Write what was made and the progress in one transaction, if the place in the log is still `before_lsn`.
+
+    returns  the number of the last event there is
+    raises   ServerUnavailable where another worker has moved on
+    """
+    changes = after.engine.changes()
+    rules = after.rules_json()
+    before = format_lsn(before_lsn)
+    *parts, last = _in_parts(
+        (event_json(event) for event in made.events),
+        _states_json(changes),
+        ({"map_id": map_id, "uid": uid, "row": row} for map_id, uid, row in changes.pending_added),
+        ({"map_id": map_id, "uid": uid} for map_id, uid in changes.pending_removed),
+        _late_json(changes),
+    )
+    gone_maps = list(made.gone_maps)
+    with translated(), connection.transaction():
+        for part in parts:
+            connection.execute(COMMIT, [WORKER, before, before, None, None, gone_maps, *part])
+            gone_maps = []
+        said = None if rules == after.rules_stored else Jsonb(rules)
+        row = connection.execute(
+            COMMIT,
+            [WORKER, before, format_lsn(after.lsn), said, Jsonb(after.watermarks_json()), gone_maps, *last],
+        ).fetchone()
+    after.rules_stored = rules
+    return int(row[0]) if row else 0
+
+
+def _in_parts(*lists: Iterable[object]) -> list[tuple[str, ...]]:
+    """These lists as JSON, in as many parts as the longest needs; one at least."""
+    return list(zip_longest(*map(_parts, lists), fillvalue="[]")) or [("[]",) * len(lists)]
+
+
+def _parts(items: Iterable[object]) -> Iterator[str]:
+    """JSON arrays of these, none much longer than what may be handed over at once."""
+    texts: list[str] = []
+    characters = 0
+    for item in items:
+        text = json.dumps(item)
+        if characters + len(text) > PART_CHARACTERS and texts:
+            yield f"[{','.join(texts)}]"
+            texts, characters = [], 0
+        texts.append(text)
+        characters += len(text)
+    if texts:
+        yield f"[{','.join(texts)}]"
+
+
+def note_idle(connection: psycopg.Connection, sources: Mapping[int, bool]) -> list[int]:
+    """Write which sources are idle, for people to see; gives those that could be written now."""
+    if not sources:
+        return []
+    with translated():
+        rows = connection.execute(NOTE_IDLE, [list(sources), list(sources.values()), list(sources)])
+        return [source_id for (source_id,) in rows]
+
+
+def event_json(event: Event) -> dict[str, object]:
+    """An event as the functions of the database take it."""
+    return {
+        "event_id": str(event.event_id),
+        "map_id": event.map_id,
+        "rule_name": event.rule_name,
+        "rule_version": event.rule_version,
+        "type": event.type,
+        "stamp": event.stamp.isoformat(),
+        "since": event.since.isoformat(),
+        "cause": event.cause,
+        "track_id": event.track_id,
+        "track_name": event.track_name,
+        "instance_id": event.instance_id,
+        "instance_name": event.instance_name,
+        "key": dict(event.key),
+        "measures": dict(event.measures),
+        "confidence": event.confidence,
+        "evidence": [
+            {
+                "uid": str(each.uid),
+                "variable": each.variable,
+                "source": each.source,
+                "stamp": each.stamp.isoformat(),
+            }
+            for each in event.evidence
+        ],
+    }
+
+
+def _states_json(changes: Changes) -> Iterator[dict[str, object]]:
+    for (rule_id, key), state in changes.states.items():
+        yield {"rule_id": rule_id, "key": key, "state": state}
+
+
+def _late_json(changes: Changes) -> list[dict[str, object]]:
+    return [
+        {
+            "map_id": late.map_id,
+            "uid": late.row.uid,
+            "input": late.row.values["input"],
+            "stamp": to_datetime(late.row.stamp_us).isoformat(),
+            "watermark": to_datetime(late.watermark_us).isoformat(),
+            "row": late.row_json(),
+        }
+        for late in changes.late
+    ]

@@ -1,0 +1,185 @@
+"""A stretch of the log, taken transaction by transaction: rows for the engine, events out of it."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from dataclasses import replace
+
+import psycopg
+
+from semap.errors import InvalidInput, UntrustedBytes
+from semap.model.event import Event
+from semap.replication.pgoutput import Change, Transaction
+from semap.rules.engine import Due
+from semap.rules.needs import Needs
+from semap.rules.row import Row
+from semap.worker.backfill import begin_rule
+from semap.worker.enrichment import enriched
+from semap.worker.former_state import changes_only
+from semap.worker.idleness import Idleness
+from semap.worker.input_row import READERS, integer_of, map_row
+from semap.worker.inputs import (
+    deleted_map,
+    deleted_source,
+    is_ended_by_the_map,
+    map_changes,
+    rule_change,
+    source_change,
+)
+from semap.worker.map_facts import TABLES as MAP_TABLES
+from semap.worker.progress import Made, Progress
+from semap.worker.visibility import await_visible
+
+log = logging.getLogger(__name__)
+
+MOST_UNSEEN = 1000
+"""Of so many transactions one makes sure that they are seen; each session can have only one that is not."""
+
+
+class Stretch:
+    """Mutable: what the log has brought since the last commit.
+
+    progress  where the stretch ends by now
+    made      what it has made
+    is_idle   sources that have fallen silent or spoken again, not yet written down
+    """
+
+    def __init__(self, connection: psycopg.Connection, progress: Progress, now_s: float) -> None:
+        self.progress = progress
+        self.is_idle: dict[int, bool] = {}
+        self._connection = connection
+        self._events: list[Event] = []
+        self._gone_maps: list[int] = []
+        self._unseen: deque[int] = deque(maxlen=MOST_UNSEEN)
+        said = list(progress.sources())
+        self._sources = {source.source_id: source for source, _ in said}
+        self._idleness = Idleness(idle=[(each.map_id, each.source_id) for each, is_idle in said if is_idle])
+        for source, _ in said:
+            at_us = progress.spoken_at_us.get(source.source_id, 0)
+            self._idleness.known(source.map_id, source.source_id, at_us, now_s)
+
+    @property
+    def made(self) -> Made:
+        return Made(tuple(self._events), tuple(self._gone_maps))
+
+    def begin(self) -> None:
+        """What was made is committed; another stretch begins."""
+        self._events, self._gone_maps = [], []
+
+    @staticmethod
+    def begins_a_rule(transaction: Transaction) -> bool:
+        """Whether a rule may look back over what is stored, so that what was made is to be committed."""
+        return any(change.table == "rule" and change.operation != "delete" for change in transaction.changes)
+
+    def take(self, transaction: Transaction, now_s: float) -> None:
+        """Take a transaction; rows are made of the map as it leaves it.
+
+        raises UntrustedBytes if a row lacks a column or holds a value of another type
+        """
+        facts = self.progress.facts
+        if transaction.xid:
+            self._unseen.append(transaction.xid)
+        try:
+            ended = self._ended_by_the_map(transaction)
+            for change in transaction.changes:
+                facts.apply(change)
+            for instance_id, kind in map_changes(transaction.changes).items():
+                self._map_changed(instance_id, kind, transaction.committed_at_us)
+            for place, change in enumerate(transaction.changes):
+                self._take_row(change, ended.get(place))
+                self._take_rule(change)
+            for change in transaction.changes:
+                self._take_source(change, transaction.committed_at_us, now_s)
+                self._take_deleted_map(change)
+        except (KeyError, ValueError, InvalidInput) as error:
+            raise UntrustedBytes(f"A row of the log is not as expected: {error}") from error
+        facts.settle()
+        self.progress.lsn = transaction.end_lsn
+        self.progress.committed_at_us = transaction.committed_at_us
+        if any(change.table in MAP_TABLES for change in transaction.changes):
+            self.progress.facts_at_us = transaction.committed_at_us
+        self._release()
+
+    def check_idle(self, now_s: float) -> bool:
+        """Leave out the sources that have fallen silent; whether there are any."""
+        silent = list(self._idleness.fallen_silent(now_s))
+        for map_id, source_id in silent:
+            log.info("Source %d is silent: nobody waits for it until it speaks again.", source_id)
+            self.progress.engine.idle(map_id, source_id)
+            self.is_idle[source_id] = True
+        if silent:
+            self._release()
+        return bool(silent)
+
+    def _ended_by_the_map(self, transaction: Transaction) -> dict[int, Row]:
+        """Rows that an edit of the map ends, by their place in it: of the map as it was while they held."""
+        facts = self.progress.facts
+        return {
+            place: READERS[change.table](change.row, facts)
+            for place, change in enumerate(transaction.changes)
+            if is_ended_by_the_map(change) and facts.of(integer_of(change.row, "instance_id")) is not None
+        }
+
+    def _take_row(self, change: Change, row: Row | None) -> None:
+        read = READERS.get(change.table)
+        if read is None or change.operation != "insert":
+            return
+        row = row or read(change.row, self.progress.facts)
+        self._events += self.progress.engine.arrive(integer_of(change.row, "map_id"), row)
+
+    def _map_changed(self, instance_id: int, kind: str, committed_at_us: int) -> None:
+        known = self.progress.facts.of(instance_id)
+        if known is not None and self.progress.engine.reads_map(known.map_id):
+            row = map_row(instance_id, kind, committed_at_us, self.progress.facts)
+            self._events += self.progress.engine.arrive(known.map_id, row)
+
+    def _take_rule(self, change: Change) -> None:
+        found = rule_change(change)
+        if found is not None:
+            self._events += begin_rule(self._connection, self.progress, found, self._events)
+
+    def _take_source(self, change: Change, at_us: int, now_s: float) -> None:
+        gone = self._sources.pop(deleted_source(change) or 0, None)
+        if gone is not None:
+            self._idleness.forget(gone.map_id, gone.source_id)
+            self.progress.spoken_at_us.pop(gone.source_id, None)
+            self.progress.engine.idle(gone.map_id, gone.source_id)
+        source = source_change(change)
+        if source is None or self._sources.get(source.source_id) == source:
+            return
+        self._sources[source.source_id] = source
+        self.progress.spoken_at_us[source.source_id] = at_us
+        if self._idleness.spoke(source.map_id, source.source_id, at_us, now_s):
+            self.is_idle[source.source_id] = False
+        self.progress.engine.watermark(
+            source.map_id, source.source_id, source.watermark_us, source.lateness_us
+        )
+        if source.has_ended:
+            self._idleness.ended(source.map_id, source.source_id)
+            self.progress.engine.idle(source.map_id, source.source_id)
+
+    def _take_deleted_map(self, change: Change) -> None:
+        map_id = deleted_map(change)
+        if map_id is not None:
+            self._gone_maps.append(map_id)
+            self._events = [event for event in self._events if event.map_id != map_id]
+            for source_id in [key for key, each in self._sources.items() if each.map_id == map_id]:
+                del self._sources[source_id]
+                self.progress.spoken_at_us.pop(source_id, None)
+            self._idleness.forget_map(map_id)
+            self.progress.engine.delete_map(map_id)
+
+    def _release(self) -> None:
+        """Give the rules what the watermarks let through."""
+        engine = self.progress.engine
+        self._events += engine.take([self._looked_up(due) for due in engine.due()])
+
+    def _looked_up(self, due: Due) -> Due:
+        needs = self.progress.engine.needs(due.map_id)
+        if not due.rows or (needs == Needs() and all(row.source != "object_state" for row in due.rows)):
+            return due
+        await_visible(self._connection, self._unseen)
+        self._unseen.clear()
+        rows = changes_only(self._connection, due.rows)
+        return replace(due, rows=enriched(self._connection, due.map_id, rows, needs))

@@ -1,0 +1,80 @@
+"""semap rule test, explain, learn and replay-late as a user meets them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from door_scene import PAPER, DoorScene
+from rule_work import await_progress, running_worker
+from test_cli import done, semap
+from world import World
+
+OPENED = json.dumps({"name": "opened_then_entered", **PAPER["opened_then_entered"]})
+"""JSON is YAML."""
+
+
+@pytest.fixture
+def scene(world: World) -> DoorScene:
+    """Ann has opened and entered, and nobody looked."""
+    made = DoorScene(world)
+    made.passage(100)
+    made.watermark(200)
+    return made
+
+
+def test_a_dry_run_shows_events_and_writes_none(scene: DoorScene) -> None:
+    dsn = scene.world.dsn
+    shown = done(dsn, "rule", "test", "-", "--map", "world", stdin=OPENED)
+    assert shown.split() == ["1", "1970-01-01", "00:01:43.000", "ann", "opened_then_entered", "east"]
+    assert done(dsn, "rule", "test", "-", "--map", "world", "--from", "1970-01-01T00:02:00Z", stdin=OPENED) == ""
+    (event,) = json.loads(done(dsn, "rule", "test", "-", "--map", "world", "--json", stdin=OPENED))
+    assert [each["variable"] for each in event["evidence"]] == ["O", "E"]
+    assert scene.events() == []
+    assert semap(dsn, "rule", "test", "-", "--map", "nowhere", stdin=OPENED).returncode == 2
+
+
+def test_why_and_why_not(scene: DoorScene) -> None:
+    dsn = scene.world.dsn
+    done(dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
+    asked = ("rule", "explain", "opened_then_entered", "--key", "room=east", "--at")
+    assert "it found opened_then_entered at 1970-01-01T00:01:43Z" in done(dsn, *asked, "1970-01-01T00:01:43Z")
+    scene.passage(300, "bob", "ann")
+    scene.world.run("update semap.track set name = 'eve' where name = 'bob'")
+    scene.world.run("update semap.relation_change set track_name = 'eve' where stamp > to_timestamp(250) and track_name = 'bob'")
+    scene.world.run("update semap.relation_change set track_name = 'somebody else' where track_name = 'eve'")
+    why_not = done(dsn, *asked, "1970-01-01T00:05:03Z")
+    assert "it found nothing" in why_not
+    assert "no  track = first(O.actor): 'somebody else' = 'eve'" in why_not
+    wrong = semap(dsn, "rule", "explain", "opened_then_entered", "--at", "1970-01-01T00:01:43Z")
+    assert wrong.returncode == 2
+    assert "--key room=" in wrong.stderr
+
+
+def test_a_rule_learns_its_next_version(scene: DoorScene) -> None:
+    dsn = scene.world.dsn
+    sure = {
+        **PAPER["opened_then_entered"], "name": "sure",
+        "confidence": {"gap": ["O", "E"], "distribution": "exponential", "mean_s": 60},
+    }  # fmt: skip
+    done(dsn, "rule", "add", "-", "--map", "world", stdin=json.dumps(sure))
+    assert done(dsn, "rule", "learn", "sure", "--dry-run").strip() == "Rule sure: mean_s 1."
+    assert done(dsn, "rule", "learn", "sure").strip() == "Rule sure is at version 2: mean_s 1."
+    shown = json.loads(done(dsn, "rule", "show", "sure"))
+    assert shown["declaration"]["confidence"]["mean_s"] == 1.0
+
+
+def test_late_rows_are_replayed(world: World) -> None:
+    scene = DoorScene(world)
+    done(world.dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
+    with running_worker(world.dsn):
+        # nobody waits for the doors, and then they speak
+        world.run("update semap.source set ended = true where source_id = %s", scene.door_source_id)
+        scene.watermark(200, world.source_id)
+        await_progress(world.dsn)
+        scene.passage(100)
+        await_progress(world.dsn)
+    said = done(world.dsn, "rule", "replay-late", "--map", "world")
+    assert said.strip().endswith("late rows replayed; 1 event added.")
+    assert scene.events("opened_then_entered") == [("opened_then_entered", "ann", "east", 103.0)]
+    assert done(world.dsn, "rule", "replay-late").strip() == "0 late rows replayed; 0 events added."

@@ -1,0 +1,130 @@
+"""Why and why not: what is explained of a small scene, word for word."""
+
+from __future__ import annotations
+
+import pytest
+from scene import CLOSES_SOON, DURING, OPENED_THEN_ENTERED, STAYED, TIMED_OUT, VISITS, S, door, rule, visit
+
+from semap.errors import InvalidInput
+from semap.rules.explanation import Explanation, explain
+
+
+def told(document: dict, rows: list, at_s: float, **key: object) -> Explanation:
+    return explain(rule(1, document).declaration, rows, round(at_s * S), key)
+
+
+def test_a_match_is_explained_by_its_rows_and_their_conditions() -> None:
+    rows = [visit("ann", "kitchen", "began", 4), door("kitchen_door", "open", 1, actor="ann")]
+    found = told(OPENED_THEN_ENTERED, rows, 3, room="kitchen")
+    assert found.match is not None
+    assert found.as_text() == (
+        "Rule opened_then_entered, room kitchen, at 1970-01-01T00:00:03Z:\n"
+        "it found entered_by_door at 1970-01-01T00:00:04Z.\n"
+        "  O: door open kitchen_door at 1970-01-01T00:00:01Z\n"
+        "  E: track_in_room began ann kitchen at 1970-01-01T00:00:04Z\n"
+        "  gap_s = 3.0\n"
+        "  O holds of door open kitchen_door at 1970-01-01T00:00:01Z\n"
+        "    yes input = 'door': 'door' = 'door'\n"
+        "    yes type = 'open': 'open' = 'open'\n"
+        "  E holds of track_in_room began ann kitchen at 1970-01-01T00:00:04Z\n"
+        "    yes input = 'track_in_room': 'track_in_room' = 'track_in_room'\n"
+        "    yes type = 'began': 'began' = 'began'\n"
+        "    yes track = first(O.actor): 'ann' = 'ann'"
+    )
+
+
+def test_what_is_missing_is_the_condition_that_failed_next() -> None:
+    rows = [
+        door("kitchen_door", "open", 1, actor="bob"), visit("ann", "kitchen", "began", 4),
+        visit("ann", "kitchen", "ended", 5), visit("bob", "kitchen", "began", 50),
+    ]  # fmt: skip
+    found = told(OPENED_THEN_ENTERED, rows, 4, room="kitchen")
+    assert found.match is None
+    assert found.as_text() == (
+        "Rule opened_then_entered, room kitchen, at 1970-01-01T00:00:04Z:\n"
+        "it found nothing. The furthest that it came:\n"
+        "  O: door open kitchen_door at 1970-01-01T00:00:01Z\n"
+        "  What came nearest to being next:\n"
+        "  E fails of track_in_room began ann kitchen at 1970-01-01T00:00:04Z\n"
+        "    yes input = 'track_in_room': 'track_in_room' = 'track_in_room'\n"
+        "    yes type = 'began': 'began' = 'began'\n"
+        "    no  track = first(O.actor): 'ann' = 'bob'\n"
+        "  Its window ended at 1970-01-01T00:00:07Z."
+    )
+
+
+def test_a_row_that_broke_a_strict_sequence_is_shown() -> None:
+    rows = [visit("ann", "kitchen", "began", 1), visit("ann", "hall", "began", 2),
+            visit("ann", "kitchen", "ended", 2.5)]  # fmt: skip
+    found = told({**TIMED_OUT, "emit": "short_visit"}, rows, 2, track="ann")
+    assert found.near_miss is not None
+    (asked,) = found.near_miss.asked
+    assert (asked.variable, asked.row.uid, [part.found for part in asked.parts]) == (
+        "L",
+        rows[1].uid,
+        ["'began' = 'ended'"],
+    )
+    assert (found.near_miss.ended_us, found.near_miss.is_open) == (None, False)
+
+
+def test_what_was_to_be_absent_and_came_is_shown() -> None:
+    rows = [visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "ended", 3)]
+    found = told(STAYED, rows, 4, track="ann", room="kitchen")
+    assert found.near_miss is not None
+    (came,) = found.near_miss.came
+    assert (came.variable, came.row.uid) == ("L", rows[1].uid)
+    assert "L was to be absent, but came:" in found.as_text()
+
+
+def test_what_has_not_ended_is_under_way() -> None:
+    found = told(STAYED, [visit("ann", "kitchen", "began", 1)], 2, track="ann", room="kitchen")
+    assert found.near_miss is not None
+    assert found.near_miss.is_open
+    assert found.as_text().endswith("It is still under way.")
+
+
+def test_where_nothing_began_the_row_that_came_nearest_is_shown() -> None:
+    rows = [door("kitchen_door", "closed", 1), visit("ann", "kitchen", "began", 2)]
+    found = told(OPENED_THEN_ENTERED, rows, 2, room="kitchen")
+    assert found.near_miss is not None
+    (asked,) = found.near_miss.asked
+    assert (found.near_miss.bound, asked.row.uid, [part.holds for part in asked.parts]) == (
+        (),
+        rows[0].uid,
+        [True, False],
+    )
+
+
+def test_where_no_row_was_read_what_left_it_out_is_shown() -> None:
+    only_office = OPENED_THEN_ENTERED | {"where": "room = 'office' or track = 'bob'"}
+    found = told(only_office, [visit("ann", "kitchen", "began", 2)], 2, room="kitchen")
+    assert found.left_out is not None
+    assert [part.found for part in found.left_out.parts] == ["'kitchen' = 'office'", "'ann' = 'bob'"]
+    assert (
+        told(only_office, [], 2, room="kitchen")
+        .as_text()
+        .endswith("it read no row of this key near that time.")
+    )
+
+
+def test_other_kinds_of_rules_are_explained_by_their_matches_and_conditions() -> None:
+    opened, began = door("kitchen_door", "open", 1), visit("ann", "kitchen", "began", 2)
+    during = told(DURING, [opened, began, visit("ann", "kitchen", "ended", 3)], 3, room="kitchen")
+    assert during.match is not None
+    assert [(asked.variable, asked.holds) for asked in during.held] == [("D", True), ("P", True)]
+    nothing = told(DURING, [began], 3, room="kitchen")
+    assert nothing.near_miss is not None
+    assert [(asked.variable, asked.holds) for asked in nothing.near_miss.asked] == [("P", True), ("D", False)]
+    fails = told(CLOSES_SOON, [opened], 3, instance="kitchen_door")
+    assert (fails.match.type if fails.match else None) == "left_open"
+    (held,) = fails.held
+    assert (held.variable, held.holds) == ("O", True)
+    visits = told(VISITS, [began], 2)
+    assert (visits.match.type if visits.match else None) == "entered"
+
+
+@pytest.mark.parametrize("key", [{}, {"track": "ann"}, {"room": "kitchen", "track": "ann"}])
+def test_another_key_than_that_of_the_rule_is_refused(key: dict) -> None:
+    with pytest.raises(InvalidInput, match="the key room") as wrong:
+        told(OPENED_THEN_ENTERED, [], 1, **key)
+    assert wrong.value.remedy == "Name each part of it: --key room=..."
