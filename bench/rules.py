@@ -31,9 +31,9 @@ import numpy.typing as npt
 
 from bench.flink.environment import Flink, FlinkMissing, find
 from semap.model.event import Event
-from semap.rules.engine import Engine
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.rule import Rule
 from semap.rules.row import RANKS, Row
-from semap.rules.rule import Rule
 
 ROWS = 1_000_000
 KEYS = 1_000

@@ -75,7 +75,9 @@ class DoorScene:
             self.world.run("insert into semap.door_room values (%s, %s)", door_id, room_id)
         return door_id
 
-    def add_rule(self, name: str, document: Mapping[str, object], backfill_from_s: float | None = None) -> int:
+    def add_rule(
+        self, name: str, document: Mapping[str, object], backfill_from_s: float | None = None
+    ) -> int:
         """As the store does."""
         return self.world.one(
             "insert into semap.rule (map_id, name, queries, declaration, backfill_from)"
@@ -101,7 +103,9 @@ class DoorScene:
     def watermark(self, at_s: float, *source_ids: int) -> None:
         """Every source, or these, has given all up to here."""
         for source_id in source_ids or (self.world.source_id, self.door_source_id):
-            self.world.run("update semap.source set watermark = %s where source_id = %s", stamp(at_s), source_id)
+            self.world.run(
+                "update semap.source set watermark = %s where source_id = %s", stamp(at_s), source_id
+            )
 
     def passage(self, start_s: float, actor: str = "ann", bystander: str = "bob") -> None:
         """The actor comes from the west, opens the gate, passes, and closes it; somebody stands by in the east."""

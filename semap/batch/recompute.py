@@ -26,12 +26,12 @@ from semap.batch.smoothing import Motion, pieces, smooth
 from semap.batch.stored_tracks import StoredStates, StoredTrack, read_regions, read_states, read_tracks
 from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
+from semap.rules.engine.needs import Needs, needs_of
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.run_over import run_over
+from semap.rules.engine.sources import NEVER_US
 from semap.rules.lookback import lookback_us
-from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row
-from semap.rules.rule import Rule
-from semap.rules.run_over import run_over
-from semap.rules.sources import NEVER_US
 from semap.store.database import connect, translated
 from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
 from semap.worker.enrichment import enriched

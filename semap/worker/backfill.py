@@ -14,10 +14,10 @@ import psycopg
 from semap.errors import InvalidInput
 from semap.model.event import Event
 from semap.rules.declaration import Declaration, IntervalPattern, TemporalFormula
-from semap.rules.needs import needs_of, properties_read
+from semap.rules.engine.needs import needs_of, properties_read
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
-from semap.rules.rule import Rule
-from semap.rules.sources import NEVER_US
 from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows

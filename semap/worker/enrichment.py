@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import psycopg
 import shapely
 
-from semap.rules.needs import Needs
+from semap.rules.engine.needs import Needs
 from semap.rules.row import Row, Value
 from semap.store.database import translated
 from semap.timeline.stamp import to_datetime

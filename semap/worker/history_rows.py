@@ -14,8 +14,8 @@ from psycopg.rows import dict_row
 
 from semap.errors import TooLarge
 from semap.model.event import Event
+from semap.rules.engine.rule import Rule
 from semap.rules.row import Row, Source
-from semap.rules.rule import Rule
 from semap.store.database import translated
 from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
 from semap.worker.input_row import READERS, event_row, event_text

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from semap.errors import InvalidInput
 from semap.replication.pgoutput import Change
-from semap.rules.rule import Rule
-from semap.rules.sources import NEVER_US
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.sources import NEVER_US
 from semap.timeline.stamp import parse_stamp
 from semap.worker.input_row import integer_of, text_of
 

@@ -16,10 +16,10 @@ import psycopg
 from psycopg.types.json import Jsonb
 
 from semap.model.event import Event
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.rule_order import order_of_rules
+from semap.rules.engine.run_over import run_over
 from semap.rules.lookback import lookback_us
-from semap.rules.rule import Rule
-from semap.rules.rule_order import order_of_rules
-from semap.rules.run_over import run_over
 from semap.store.database import connect, translated
 from semap.timeline.stamp import parse_stamp, to_datetime
 from semap.worker.backfill import enriched_for, looks_back

@@ -12,10 +12,10 @@ from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
 from semap.rules.confidence import learn
 from semap.rules.declaration import Declaration
-from semap.rules.reading import parse_declaration
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.run_over import run_over
+from semap.rules.language.reading import parse_declaration
 from semap.rules.row import Row
-from semap.rules.rule import Rule
-from semap.rules.run_over import run_over
 from semap.store.database import translated
 from semap.timeline.stamp import EPOCH, MICROSECOND
 from semap.worker.backfill import enriched_for, looks_back

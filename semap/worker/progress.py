@@ -13,7 +13,7 @@ from psycopg.types.json import Jsonb
 from semap.errors import SlotLost
 from semap.model.event import Event
 from semap.replication.pgoutput import format_lsn, parse_lsn
-from semap.rules.engine import Changes, Engine
+from semap.rules.engine.engine import Changes, Engine
 from semap.store.database import translated
 from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
 from semap.worker.inputs import SourceChange, read_rule

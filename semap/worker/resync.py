@@ -16,9 +16,9 @@ from psycopg.rows import dict_row
 from semap.errors import Conflict
 from semap.model.event import Event
 from semap.replication.pgoutput import Change, Transaction, parse_lsn
+from semap.rules.engine.run_over import run_over
+from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
-from semap.rules.run_over import run_over
-from semap.rules.sources import NEVER_US
 from semap.store.database import connect, translated
 from semap.timeline.stamp import EPOCH, MICROSECOND
 from semap.worker.input_row import READERS

@@ -9,8 +9,8 @@ from math import isinf
 import psycopg
 
 from semap.rules.declaration import Declaration
-from semap.rules.explanation import NEAR_US, Explanation
-from semap.rules.explanation import explain as explain_rows
+from semap.rules.explanation.explanation import NEAR_US, Explanation
+from semap.rules.explanation.explanation import explain as explain_rows
 from semap.rules.lookback import lookback_us
 from semap.worker.backfill import looks_back
 from semap.worker.history_rows import Span

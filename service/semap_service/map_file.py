@@ -13,7 +13,7 @@ from semap.errors import InvalidInput, NotFound
 from semap.formats import read_building, read_map
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
-from semap.rules.reading import parse_declaration
+from semap.rules.language.reading import parse_declaration
 from semap.store.building import DOOR, ImportReport, import_building
 from semap.store.map_import import import_map
 from semap.store.maps import create_map, list_maps

@@ -13,8 +13,8 @@ from sqlalchemy import Connection
 
 from semap.errors import Conflict
 from semap.rules.declaration import Declaration
-from semap.rules.reading import parse_declaration
-from semap.rules.rule_order import order_of_rules
+from semap.rules.engine.rule_order import order_of_rules
+from semap.rules.language.reading import parse_declaration
 from semap.store import rules
 from semap.store.rules import SINCE_EVER, Rule
 from semap.timeline.stamp import parse_stamp, to_datetime

@@ -27,7 +27,9 @@ def test_a_dry_run_shows_events_and_writes_none(scene: DoorScene) -> None:
     dsn = scene.world.dsn
     shown = done(dsn, "rule", "test", "-", "--map", "world", stdin=OPENED)
     assert shown.split() == ["1", "1970-01-01", "00:01:43.000", "ann", "opened_then_entered", "east"]
-    assert done(dsn, "rule", "test", "-", "--map", "world", "--from", "1970-01-01T00:02:00Z", stdin=OPENED) == ""
+    assert (
+        done(dsn, "rule", "test", "-", "--map", "world", "--from", "1970-01-01T00:02:00Z", stdin=OPENED) == ""
+    )
     (event,) = json.loads(done(dsn, "rule", "test", "-", "--map", "world", "--json", stdin=OPENED))
     assert [each["variable"] for each in event["evidence"]] == ["O", "E"]
     assert scene.events() == []
@@ -41,7 +43,9 @@ def test_why_and_why_not(scene: DoorScene) -> None:
     assert "it found opened_then_entered at 1970-01-01T00:01:43Z" in done(dsn, *asked, "1970-01-01T00:01:43Z")
     scene.passage(300, "bob", "ann")
     scene.world.run("update semap.track set name = 'eve' where name = 'bob'")
-    scene.world.run("update semap.relation_change set track_name = 'eve' where stamp > to_timestamp(250) and track_name = 'bob'")
+    scene.world.run(
+        "update semap.relation_change set track_name = 'eve' where stamp > to_timestamp(250) and track_name = 'bob'"
+    )
     scene.world.run("update semap.relation_change set track_name = 'somebody else' where track_name = 'eve'")
     why_not = done(dsn, *asked, "1970-01-01T00:05:03Z")
     assert "it found nothing" in why_not

@@ -11,9 +11,9 @@ from typing import Any
 import yaml
 
 from semap.rules.declaration import Declaration, RowPattern
+from semap.rules.language.reading import parse_declaration
 from semap.rules.pattern import Node
 from semap.rules.program import Match
-from semap.rules.reading import parse_declaration
 from semap.rules.row import RANKS, Row
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -10,8 +10,8 @@ import random
 
 from conformance.case import Case, declare, read_rows
 
+from semap.rules.language.pattern_text import write
 from semap.rules.pattern import Absent, Element, Joint, Repeat, Sequence, Variable
-from semap.rules.pattern_text import write
 
 SKIPS = ("skip past last row", "skip to next row", "no skip")
 COUNTS = ((0, 1), (0, None), (1, None), (2, 2), (1, 2), (2, None))

@@ -42,7 +42,8 @@ def test_states_come_in_the_order_of_their_stamps(tmp_path: Path) -> None:
 def test_parquet_says_the_same(tmp_path: Path) -> None:
     path = tmp_path / "doors.parquet"
     rows = [
-        {"instance": s.instance, "property": s.property, "value": s.value, "stamp": s.stamp} for s in STATES[:2]
+        {"instance": s.instance, "property": s.property, "value": s.value, "stamp": s.stamp}
+        for s in STATES[:2]
     ]
     parquet.write_table(pyarrow.Table.from_pylist(rows), path)
     assert read_object_states(path, ObjectLayout()) == STATES[:2]
@@ -76,7 +77,9 @@ def test_what_cannot_be_read_is_told(tmp_path: Path, text: str, layout: ObjectLa
 
 
 def stored(world: World) -> list[tuple]:
-    return world.rows("select instance_name, value, previous, attributes from semap.object_state order by stamp")
+    return world.rows(
+        "select instance_name, value, previous, attributes from semap.object_state order by stamp"
+    )
 
 
 def test_batches_carry_their_watermark_and_are_passed_over_when_known(world: World) -> None:

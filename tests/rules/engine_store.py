@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from semap.rules.engine import Engine
-from semap.rules.map_engine import Late
-from semap.rules.rule import Rule
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.map_engine import Late
+from semap.rules.engine.rule import Rule
 
 
 class EngineStore:

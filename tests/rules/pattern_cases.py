@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from semap.rules import pattern as p
 from semap.rules.bound import Bound, Condition
 from semap.rules.declaration import AfterMatch, Windows
-from semap.rules.matching import PatternProgram
+from semap.rules.matching.pattern_program import PatternProgram
 from semap.rules.row import Row
 
 LETTERS = "abc"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from uuid import UUID, uuid5
 
+from semap.rules.engine.rule import Rule
 from semap.rules.row import RANKS, Row
-from semap.rules.rule import Rule
 
 S = 1_000_000
 SCENE = UUID(int=7)

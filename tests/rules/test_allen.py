@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 
 from semap.errors import InvalidInput
-from semap.rules.allen import INTERSECTS, RELATIONS, Span, possible, relations_named
+from semap.rules.interval.allen import INTERSECTS, RELATIONS, Span, possible, relations_named
 
 DEFINITIONS = {
     "before": lambda a, b, c, d: b < c,

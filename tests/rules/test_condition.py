@@ -14,7 +14,13 @@ from hypothesis import strategies as st
 
 from semap.errors import InvalidInput
 from semap.rules.bound import Bound
-from semap.rules.condition import compile_condition, compile_measure, read_condition, read_measure, reads
+from semap.rules.language.condition import (
+    compile_condition,
+    compile_measure,
+    read_condition,
+    read_measure,
+    reads,
+)
 from semap.rules.row import Row
 
 VARIABLES = frozenset("ABC")

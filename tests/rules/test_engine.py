@@ -29,11 +29,11 @@ from scene import (
 
 from semap.errors import InvalidInput
 from semap.model.event import Event, Evidence
-from semap.rules import matching
-from semap.rules.engine import Engine
-from semap.rules.event_identity import EVENT_NAMESPACE
-from semap.rules.rule_order import order_of_rules
-from semap.rules.run_over import run_over
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.event_identity import EVENT_NAMESPACE
+from semap.rules.engine.rule_order import order_of_rules
+from semap.rules.engine.run_over import run_over
+from semap.rules.matching import pattern_program as matching
 from semap.timeline.stamp import to_datetime
 
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scene import ALL, DOORS, MAP, ROOMS, TRACKS, S, door, rule, visit
 
 from semap.model.event import Event
-from semap.rules.engine import Engine
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.run_over import run_over
 from semap.rules.row import Row
-from semap.rules.run_over import run_over
 
 LATENESS_S = 3
 END_S = 1000

@@ -6,7 +6,7 @@ import pytest
 from scene import CLOSES_SOON, DURING, OPENED_THEN_ENTERED, STAYED, TIMED_OUT, VISITS, S, door, rule, visit
 
 from semap.errors import InvalidInput
-from semap.rules.explanation import Explanation, explain
+from semap.rules.explanation.explanation import Explanation, explain
 
 
 def told(document: dict, rows: list, at_s: float, **key: object) -> Explanation:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 from scene import BOTH_STAYED, MAP, OPENED_THEN_ENTERED, STAYED, VISITS, S, rule, visit
 
-from semap.rules.engine import Engine
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.rule_run import RuleRun
 from semap.rules.row import Row
-from semap.rules.rule_run import RuleRun
 
 COUNTED = {"name": "counted", "input": "both_stayed", "emit": {"both_stayed": "counted"}}
 PAIRS = {"name": "pairs", "input": "track_in_room", "pattern": "A A2", "emit": "pair"}

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rules.interval_rows import new_state, nothing_measured, relation, run, run_by_deadlines, said, where
 
-from semap.rules import formula_program
-from semap.rules.forecast import forecast
 from semap.rules.formula import Always, And, Atom, Constant, Eventually, Not, Or, Until
-from semap.rules.formula_json import dump_formula, load_formula
-from semap.rules.formula_program import FormulaProgram
-from semap.rules.metric import atom_names, parts_of, verdict
-from semap.rules.tautology import without_tautologies
+from semap.rules.temporal import formula_program
+from semap.rules.temporal.forecast import forecast
+from semap.rules.temporal.formula_json import dump_formula, load_formula
+from semap.rules.temporal.formula_program import FormulaProgram
+from semap.rules.temporal.metric import atom_names, parts_of, verdict
+from semap.rules.temporal.tautology import without_tautologies
 
 P, Q = Atom("P"), Atom("Q")
 LAST = 60

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semap.errors import InvalidInput
-from semap.rules import formula_text
-from semap.rules.duration import LONGEST_US, read_duration, write_duration
 from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.language import formula_text
+from semap.rules.language.duration import LONGEST_US, read_duration, write_duration
 
 P, Q, R = Atom("P"), Atom("Q"), Atom("R")
 S = 1_000_000

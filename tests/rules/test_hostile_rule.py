@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from semap.cql2.value import like
 from semap.errors import InvalidInput
-from semap.rules.reading import ALL_CLAUSES, parse_declaration, read_declaration
+from semap.rules.language.reading import ALL_CLAUSES, parse_declaration, read_declaration
 
 SOON_S = 5.0
 """Far above what any rule takes, and far below what a bomb takes."""

@@ -9,9 +9,9 @@ from rules.interval_rows import new_state, nothing_measured, relation, run, run_
 from rules.test_allen import relations_of
 
 from semap.errors import InvalidInput
-from semap.rules.allen import APART, RELATIONS
 from semap.rules.declaration import Windows
-from semap.rules.interval_program import IntervalProgram
+from semap.rules.interval.allen import APART, RELATIONS
+from semap.rules.interval.interval_program import IntervalProgram
 
 END = 10**6
 IN_ROOM = where(of="in_room", type="began")

@@ -16,12 +16,12 @@ from rules.pattern_cases import Case, alone, cases, changed, condition_sets, rem
 from rules.words import TooMany
 
 from semap.errors import InvalidInput
-from semap.rules import matching
 from semap.rules import pattern as p
-from semap.rules.automaton import FOREVER_US
 from semap.rules.bound import Condition
 from semap.rules.declaration import AfterMatch, Windows
-from semap.rules.matching import PatternProgram, PatternState
+from semap.rules.matching import pattern_program as matching
+from semap.rules.matching.automaton import FOREVER_US
+from semap.rules.matching.pattern_program import PatternProgram, PatternState
 from semap.rules.program import Match
 from semap.rules.row import Row
 

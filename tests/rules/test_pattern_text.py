@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semap.errors import InvalidInput
-from semap.rules import pattern_text
-from semap.rules.allen import INTERSECTS, RELATIONS
 from semap.rules.declaration import IntervalPattern, RowPattern
+from semap.rules.interval.allen import INTERSECTS, RELATIONS
+from semap.rules.language import pattern_text
+from semap.rules.language.words import RESERVED, is_relation
 from semap.rules.pattern import (
     Absent,
     Alternation,
@@ -21,7 +22,6 @@ from semap.rules.pattern import (
     Sequence,
     Variable,
 )
-from semap.rules.words import RESERVED, is_relation
 
 A, B, C = Variable("A"), Variable("B"), Variable("C")
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from scene import S, rule
 
 from semap.errors import InvalidInput
-from semap.rules.condition import read_condition, read_measure
 from semap.rules.declaration import (
     AfterMatch,
     Confidence,
@@ -25,13 +24,14 @@ from semap.rules.declaration import (
     TemporalFormula,
     Windows,
 )
+from semap.rules.engine.run_over import run_over
 from semap.rules.formula import And, Atom, Eventually, Not
+from semap.rules.language.condition import read_condition, read_measure
+from semap.rules.language.reading import parse_declaration, read_declaration
+from semap.rules.language.source_text import read_source
+from semap.rules.language.template import TEMPLATES
 from semap.rules.pattern import Element, Sequence, Variable
-from semap.rules.reading import parse_declaration, read_declaration
 from semap.rules.row import PROPERTIES, Row
-from semap.rules.run_over import run_over
-from semap.rules.source_text import read_source
-from semap.rules.template import TEMPLATES
 
 DOCS = Path(__file__).parents[2] / "docs" / "rules.md"
 

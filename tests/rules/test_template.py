@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scene import DOORS, ROOMS, TRACKS, S, door, rule, visit
 
 from semap.errors import InvalidInput, NotFound
-from semap.rules.reading import parse_declaration, read_declaration
+from semap.rules.engine.run_over import run_over
+from semap.rules.language.reading import parse_declaration, read_declaration
+from semap.rules.language.template import TEMPLATES, fill
 from semap.rules.row import Row
-from semap.rules.run_over import run_over
-from semap.rules.template import TEMPLATES, fill
 
 END_S = 1000
 

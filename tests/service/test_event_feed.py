@@ -97,7 +97,14 @@ def test_an_event_of_a_pattern_says_what_it_rests_on(service: Service) -> None:
         "by_batch": False, "evidence": evidence,
     }  # fmt: skip
     given = [
-        {**common, "event_id": uid, "map_id": map_id, "rule_name": "r", "instance_id": 7, "instance_name": "Room07"}
+        {
+            **common,
+            "event_id": uid,
+            "map_id": map_id,
+            "rule_name": "r",
+            "instance_id": 7,
+            "instance_name": "Room07",
+        }
         for uid in ids[:2]
     ]
     service.plain.execute(

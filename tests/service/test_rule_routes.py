@@ -43,7 +43,9 @@ def test_a_rule_and_its_versions(office: Service) -> None:
 
 
 def test_a_rule_may_begin_in_the_past(office: Service) -> None:
-    assert add(office, "all", PAIR, backfill_from="all").json()["backfill_from"] == "1800-01-01T00:00:00.000000Z"
+    assert (
+        add(office, "all", PAIR, backfill_from="all").json()["backfill_from"] == "1800-01-01T00:00:00.000000Z"
+    )
     since = "2026-01-31T12:00:00+01:00"
     rule = add(office, "some", PAIR, backfill_from=since).json()
     assert rule["backfill_from"] == "2026-01-31T11:00:00.000000Z"

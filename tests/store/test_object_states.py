@@ -94,7 +94,9 @@ def test_a_state_has_one_identity_wherever_it_is_played(world: World, database: 
     world.add_room("door", shapely.box(0, 0, 1, 1))
     write(world, [state(1, "open")])
     write(world, [state(1, "open")], "others")
-    first, second = (UUID(str(row[0])) for row in world.rows("select uid from semap.object_state order by source_id"))
+    first, second = (
+        UUID(str(row[0])) for row in world.rows("select uid from semap.object_state order by source_id")
+    )
     assert first != second
     world.run("delete from semap.source where name in ('contacts', 'others')")
     assert stored(world) == []

@@ -48,7 +48,9 @@ def commit(worker: psycopg.Connection, **made: object) -> int:
     return row[0]
 
 
-def test_events_are_numbered_in_order_and_known_ones_passed_over(world: World, worker: psycopg.Connection) -> None:
+def test_events_are_numbered_in_order_and_known_ones_passed_over(
+    world: World, worker: psycopg.Connection
+) -> None:
     assert commit(worker, events=[event(world, 1), event(world, 2), event(world, 1)]) == 2
     assert commit(worker, events=[event(world, 2), event(world, 3)]) == 3
     (added,) = worker.execute(
@@ -71,7 +73,9 @@ def test_states_come_and_go_and_follow_their_rule(world: World, worker: psycopg.
     first = [{"rule_id": rule, "key": key, "state": [rule, key]} for rule in (1, 2) for key in ("[1]", "[2]")]
     commit(worker, rules=rules, states=first)
     assert states() == [(s["rule_id"], s["key"], s["state"]) for s in first]
-    commit(worker, states=[{"rule_id": 1, "key": "[1]", "state": None}, {"rule_id": 1, "key": "[2]", "state": 5}])
+    commit(
+        worker, states=[{"rule_id": 1, "key": "[1]", "state": None}, {"rule_id": 1, "key": "[2]", "state": 5}]
+    )
     assert states() == [(1, "[2]", 5), (2, "[1]", [2, "[1]"]), (2, "[2]", [2, "[2]"])]
     commit(worker, rules={"1": {}})
     assert states() == [(1, "[2]", 5)]
@@ -91,7 +95,13 @@ def test_rows_wait_are_late_and_go_with_their_map(world: World, worker: psycopg.
         (counted,) = count_late_rows(connection, map_name="world")
         assert count_late_rows(connection, map_name="nowhere") == ()
     noon = to_datetime(1_769_860_800_000_000)
-    assert (counted.input, counted.rows, counted.replayed, counted.first, counted.last) == ("door", 2, 1, noon, noon)
+    assert (counted.input, counted.rows, counted.replayed, counted.first, counted.last) == (
+        "door",
+        2,
+        1,
+        noon,
+        noon,
+    )
     world.run(
         "with run as (insert into semap.recompute_run (map_id, from_stamp, to_stamp) values (%s, now(), now()) returning run_id)"
         " insert into semap.event_amendment (event_id, verdict, run_id) select %s, 'confirmed', run_id from run",
@@ -102,7 +112,9 @@ def test_rows_wait_are_late_and_go_with_their_map(world: World, worker: psycopg.
         assert world.one(f"select count(*) from semap.{table}") == 0
 
 
-def test_of_two_workers_one_goes_on_and_the_other_writes_nothing(world: World, worker: psycopg.Connection) -> None:
+def test_of_two_workers_one_goes_on_and_the_other_writes_nothing(
+    world: World, worker: psycopg.Connection
+) -> None:
     with pytest.raises(Exception, match="moved the progress"):
         worker.execute(
             "select semap.commit_progress('rules', '0/1', '0/2', null, null, '{}', %s)",

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import Connection, Engine, text
 
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.rules.reading import parse_declaration
+from semap.rules.language.reading import parse_declaration
 from semap.store.maps import create_map, delete_map
 from semap.store.queries import add_query, delete_query, enable_query, get_query, list_queries
 from semap.store.rules import (

@@ -9,7 +9,7 @@ from rule_work import await_progress, running_worker
 from world import World
 
 from semap.errors import InvalidInput, NotFound
-from semap.rules.reading import parse_declaration
+from semap.rules.language.reading import parse_declaration
 from semap.store.database import connect
 from semap.worker.past import dry_run, learnt
 

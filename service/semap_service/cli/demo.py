@@ -142,8 +142,8 @@ def _bring_in(dsn: str, scene: Scene) -> None:
         read_object_states,
     )
 
-    from semap.rules.reading import read_declaration  # noqa: PLC0415
-    from semap.rules.template import fill  # noqa: PLC0415
+    from semap.rules.language.reading import read_declaration  # noqa: PLC0415
+    from semap.rules.language.template import fill  # noqa: PLC0415
     from semap.store.building import import_building  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import create_map  # noqa: PLC0415

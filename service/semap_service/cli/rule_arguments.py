@@ -30,7 +30,7 @@ def declaration_in(file: Path, name: str | None = None) -> Declaration:
 
     raises  InvalidInput
     """
-    from semap.rules.reading import read_declaration  # noqa: PLC0415
+    from semap.rules.language.reading import read_declaration  # noqa: PLC0415
 
     try:
         text = sys.stdin.read() if str(file) == "-" else file.read_text(encoding="utf-8")

@@ -120,7 +120,7 @@ def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
 
 def _declared(dsn: str, rule: str, map_name: str | None) -> tuple[Declaration, str]:
     """What a stored rule declares, and the map that it is on."""
-    from semap.rules.reading import parse_declaration  # noqa: PLC0415
+    from semap.rules.language.reading import parse_declaration  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import find_rule  # noqa: PLC0415
 

@@ -103,7 +103,7 @@ def template(
 
     For example: semap rule template dwell --set room=Kitchen | semap rule add - --map office
     """
-    from semap.rules.template import TEMPLATES, fill  # noqa: PLC0415
+    from semap.rules.language.template import TEMPLATES, fill  # noqa: PLC0415
 
     if name is None:
         for each in TEMPLATES.values():

@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 
 from semap.errors import TooLarge
 from semap.model.event import Event
-from semap.rules.reading import parse_declaration
+from semap.rules.language.reading import parse_declaration
 from semap.store.rules import get_rule
 from semap.worker import past, why
 from semap_service.document import Document, InStamp, Name, Request, SmallId, Stamp

@@ -10,7 +10,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
-from semap.rules.reading import parse_declaration
+from semap.rules.language.reading import parse_declaration
 from semap.store import rules
 from semap.store.maps import get_map
 from semap_service import rule_editing

@@ -1,0 +1,185 @@
+"""The rules of one map at work: rows that arrive, wait, and are taken in order."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from semap.model.event import Event
+from semap.rules.engine.flow import Flow
+from semap.rules.engine.needs import is_at_once
+from semap.rules.engine.plan import Plan, plan_of
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.rule_run import RuleRun, Timers
+from semap.rules.engine.sources import Sources
+from semap.rules.engine.waiting import Waiting, order_of
+from semap.rules.row import Row
+from semap.rules.row_json import RowJson, dump_row
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Late:
+    """A row that came after rows of later stamps had been taken.
+
+    watermark_us  up to which they had
+    """
+
+    map_id: int
+    row: Row
+    watermark_us: int
+
+    def row_json(self) -> RowJson:
+        return dump_row(self.row)
+
+
+class MapEngine:
+    """Mutable.
+
+    late     rows that came too late, since `forget_late`
+    dropped  what states of rules that are no longer at work were stored under: (rule_id, key)
+    failed   rules that an unforeseen error has put out of force, since they were last asked for
+    """
+
+    def __init__(self, map_id: int) -> None:
+        self.map_id = map_id
+        self.sources = Sources()
+        self.waiting = Waiting()
+        self.late: list[Late] = []
+        self.dropped: set[tuple[int, str]] = set()
+        self.failed: set[int] = set()
+        self._flow = Flow()
+        self._waits = self._flow.plan.waiting()
+        self._rules: dict[int, Rule] = {}
+        self._runs: dict[int, RuleRun] = {}
+
+    @property
+    def plan(self) -> Plan:
+        return self._flow.plan
+
+    @property
+    def runs(self) -> Mapping[int, RuleRun]:
+        return self._runs
+
+    def change_rule(self, rule_id: int, rule: Rule | None) -> None:
+        """A rule is added, replaced or (None) removed; one that says the same goes on as it was.
+
+        raises InvalidInput, and changes nothing, if it cannot be compiled or closes a circle of rules
+        """
+        if self._rules.get(rule_id) == rule:
+            return
+        run = RuleRun(rule, self._flow.timers) if rule is not None and rule.enabled else None
+        self._put(rule_id, rule, run)
+
+    def _put(self, rule_id: int, rule: Rule | None, run: RuleRun | None) -> None:
+        rules = {known_id: known for known_id, known in self._rules.items() if known_id != rule_id}
+        runs = {known_id: known for known_id, known in self._runs.items() if known_id != rule_id}
+        if rule is not None:
+            rules[rule_id] = rule
+        if run is not None:
+            runs[rule_id] = run
+        self._flow.plan = plan_of(rules.values(), runs)
+        if rule_id in self._runs:
+            self.dropped.update((rule_id, text) for text in self._runs[rule_id].stored())
+        self._waits = self._flow.plan.waiting()
+        self._rules, self._runs = rules, runs
+
+    def arrive(self, row: Row, late_ok: bool = False) -> list[Event]:
+        """Take a row off the log; gives the events of rules that need no order."""
+        name = row.values["input"]
+        is_late = row.stamp_us <= self.sources.released_us
+        if is_late and (late_ok or row.source == "map" or row.values.get("cause") == "map"):
+            row = replace(row, stamp_us=self.sources.released_us + 1)
+            is_late = False
+        if name in self._waits[row.source]:
+            if is_late:
+                self.late.append(Late(self.map_id, row, self.sources.released_us))
+            else:
+                self.waiting.add(row)
+        if row.source == "object_state" and row.values.get("previous") == row.values["type"]:
+            return []
+        runs = self._flow.plan.at_once[row.source].get(name)  # type: ignore[call-overload]
+        return self._at_once(runs, row) if runs else []
+
+    def _at_once(self, runs: Iterable[RuleRun], row: Row) -> list[Event]:
+        events = []
+        for run in runs:
+            try:
+                made = [(run.maker.event(key, match), match) for key, match in run.take(row)]
+            except Exception as error:  # whatever it is, it is this rule's alone
+                self.fail(run, error)
+                continue
+            for event, match in made:
+                events.append(event)
+                if run.rule.name in self._flow.plan.of_events:
+                    events += self.arrive(run.maker.row(event, match, row.stamp_us))
+        return events
+
+    def take(self, rows: Iterable[Row], until_us: int) -> list[Event]:
+        """Take these waiting rows, which are in order, and all that time brings up to `until_us`."""
+        events = self._flow.take(rows, until_us)
+        for run, error in self._flow.failed:
+            self.fail(run, error)
+        self._flow.failed.clear()
+        self.waiting.remove_until(until_us)
+        self.sources.released_us = until_us
+        return events
+
+    def fail(self, run: RuleRun, error: Exception) -> None:
+        """Put a rule out of force until it is declared or enabled anew, so that the others go on."""
+        log.error("Rule %s is put out of force, since it failed:", run.rule.name, exc_info=error)
+        run.end()
+        self.failed.add(run.rule.rule_id)
+        self._put(run.rule.rule_id, None, None)
+
+    def begin(self, rule_id: int, rows: Iterable[Row]) -> list[Event]:
+        """Let a rule begin anew with these rows, in any order; gives the events that it makes of them.
+
+        Those that other rules have passed are taken now, by this rule alone; the others wait.
+        """
+        run = RuleRun(self._rules[rule_id], Timers())
+        alone = Flow()
+        alone.plan = plan_of(self._rules.values(), {rule_id: run})
+        ordered = sorted(rows, key=order_of)
+        if is_at_once(run.rule.declaration):
+            readers = alone.plan.at_once
+            try:
+                return [
+                    run.maker.event(key, match)
+                    for row in ordered
+                    if row.values["input"] in readers[row.source]
+                    for key, match in run.take(row)
+                ]
+            except Exception as error:
+                self.fail(run, error)
+                return []
+        released_us = self.sources.released_us
+        alone.timers = Timers()
+        run.move_to(alone.timers)
+        events = alone.take([row for row in ordered if row.stamp_us <= released_us], released_us)
+        if alone.failed:
+            self.fail(*alone.failed[0])
+            return events
+        run.move_to(self._flow.timers)
+        self._put(rule_id, run.rule, run)
+        for row in ordered:
+            if row.stamp_us > released_us and row.values["input"] in self._waits[row.source]:
+                self.waiting.add(row)
+        return events
+
+    def load(self, rule_id: int, text: str, document: object) -> None:
+        """Take what was stored of a rule's state."""
+        if rule_id not in self._runs:
+            return
+        try:
+            self._runs[rule_id].load(text, document)
+        except Exception as error:  # a state of another release, say
+            self.dropped.add((rule_id, text))
+            self.fail(self._runs[rule_id], error)
+
+    def set_timers(self) -> None:
+        """Once all states are loaded."""
+        for run in self._runs.values():
+            run.move_to(self._flow.timers)

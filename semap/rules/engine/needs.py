@@ -1,0 +1,63 @@
+"""What a rule reads of its rows beyond what they bring with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from semap.rules.declaration import Declaration, Edges
+from semap.rules.language.condition import reads
+
+OF_ACTOR = frozenset({"actor", "actor_id", "actor_likelihood", "actor_distance_m"})
+LOOKED_UP = OF_ACTOR | {"position", "footprint"}
+"""Known once all rows before have come: they are asked of the database when the row is due."""
+
+IN_ORDER = LOOKED_UP | {"occupants"}
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What the rows of which inputs need before the rules of a map take them.
+
+    actor_within_m  the farthest distance that any rule asks for, by the name of the input
+    position        names of inputs
+    footprint       names of inputs
+    """
+
+    actor_within_m: Mapping[str, float] = field(default_factory=dict)
+    position: frozenset[str] = frozenset()
+    footprint: frozenset[str] = frozenset()
+
+    def __or__(self, other: Needs) -> Needs:
+        farthest = dict(self.actor_within_m)
+        for name, within_m in other.actor_within_m.items():
+            farthest[name] = max(within_m, farthest.get(name, within_m))
+        return Needs(farthest, self.position | other.position, self.footprint | other.footprint)
+
+
+def properties_read(declaration: Declaration) -> frozenset[str]:
+    """Properties that a rule's clauses ask for, of whatever row."""
+    expressions = [*declaration.define.values(), *declaration.measures.values()]
+    if declaration.where is not None:
+        expressions.append(declaration.where)
+    keys = {name.partition(".")[0] for name in declaration.partition_by}
+    return frozenset(keys).union(*map(reads, expressions))
+
+
+def needs_of(declaration: Declaration) -> Needs:
+    """What one rule needs."""
+    read = properties_read(declaration)
+    inputs = frozenset(item.name for item in declaration.inputs)
+    within = {
+        item.name: item.actor_within_m for item in declaration.inputs if item.actor_within_m is not None
+    }
+    return Needs(
+        actor_within_m=within if read & OF_ACTOR else {},
+        position=inputs if "position" in read else frozenset(),
+        footprint=inputs if "footprint" in read else frozenset(),
+    )
+
+
+def is_at_once(declaration: Declaration) -> bool:
+    """Whether a rule makes its events as rows arrive, in any order: edges that need nothing looked up."""
+    return isinstance(declaration.body, Edges) and not properties_read(declaration) & IN_ORDER

@@ -1,0 +1,58 @@
+"""Rules alone over rows that are all there: a dry run, the past, a span that is computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
+
+from semap.model.event import Event
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.rule import Rule
+from semap.rules.engine.waiting import stamp_of
+from semap.rules.row import Row
+
+ROWS_AT_ONCE = 20
+"""So few, since a row may make thousands of events, and `watch` is to hear of them soon."""
+
+
+def run_over(
+    rules: Iterable[Rule],
+    rows: Iterable[Row],
+    until_us: int,
+    watch: Callable[[int], None] = lambda count: None,
+) -> list[Event]:
+    """The events that rules of one map make of these rows, in any order, and of time up to `until_us`.
+
+    Rows after `until_us` make only events of rules that need no order.
+    watch   is told again and again how many events there are, and ends the run by raising
+    raises  InvalidInput as `Engine.change_rule`
+    """
+    engine = Engine()
+    map_ids = set()
+    for rule in rules:
+        engine.change_rule(rule.rule_id, rule)
+        map_ids.add(rule.map_id)
+    at_once: list[Event] = []
+    in_order: list[Event] = []
+    kept = list(rows)
+    for map_id in sorted(map_ids):
+        for together in _in_turn(kept):
+            for row in together:
+                at_once += engine.arrive(map_id, row)
+            engine.watermark(map_id, 0, min(together[-1].stamp_us, until_us))
+            in_order += engine.release()
+            watch(len(at_once) + len(in_order))
+        engine.watermark(map_id, 0, until_us)
+    return at_once + in_order + engine.release()
+
+
+def _in_turn(rows: Iterable[Row]) -> Iterator[list[Row]]:
+    """Rows by their stamps, some at a time; those of one stamp are together."""
+    together: list[Row] = []
+    for _, of_stamp in groupby(sorted(rows, key=stamp_of), key=stamp_of):
+        together += of_stamp
+        if len(together) >= ROWS_AT_ONCE:
+            yield together
+            together = []
+    if together:
+        yield together

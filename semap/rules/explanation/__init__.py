@@ -1,0 +1,1 @@
+"""Why a rule found something, or how far it came."""

@@ -1,0 +1,201 @@
+"""Why there was an event at a moment, or why there was none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from semap.errors import InvalidInput
+from semap.rules.bound import Bound
+from semap.rules.compilation import compile_rule
+from semap.rules.declaration import Declaration, Edges, RowPattern
+from semap.rules.engine.partition import part_of
+from semap.rules.engine.preparation import Preparation
+from semap.rules.explanation.asking import Asked, ask
+from semap.rules.explanation.condition_text import write_value
+from semap.rules.explanation.near_miss import NearMiss, find_near_miss
+from semap.rules.program import Match, Program
+from semap.rules.row import Row
+from semap.timeline.stamp import to_datetime
+
+NEAR_US = 10_000_000
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The match nearest to a moment, or what came nearest to one.
+
+    match      None if there is none near the moment
+    held       of a match: the condition of each of its rows
+    near_miss  without a match: how far it came
+    left_out   without any row of the key: the row nearest to the moment that `where` left out
+    """
+
+    rule_name: str
+    key: Mapping[str, object]
+    at_us: int
+    match: Match | None = None
+    held: tuple[Asked, ...] = ()
+    near_miss: NearMiss | None = None
+    left_out: Asked | None = None
+
+    def as_text(self) -> str:
+        """For a person to read: one fact a line."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        of_key = "".join(f", {name} {value}" for name, value in self.key.items())
+        yield f"Rule {self.rule_name}{of_key}, at {_at(self.at_us)}:"
+        if self.match is not None:
+            yield f"it found {self.match.type} at {_at(self.match.stamp_us)}."
+            yield from _bound_lines(self.match.rows)
+            for name, value in self.match.measures.items():
+                yield f"  {name} = {write_value(value)}"
+            if self.match.confidence is not None:
+                yield f"  confidence {self.match.confidence:.3g}"
+            for asked in self.held:
+                yield from _asked_lines(asked)
+        elif self.near_miss is None:
+            yield "it read no row of this key near that time."
+            if self.left_out is not None:
+                yield from _asked_lines(self.left_out)
+        else:
+            yield from _near_miss_lines(self.near_miss)
+
+
+def explain(
+    declaration: Declaration,
+    rows: Iterable[Row],
+    at_us: int,
+    key: Mapping[str, object] | None = None,
+) -> Explanation:
+    """Why a rule found something at a moment in a key, or did not.
+
+    rows    of the rule's inputs, around the moment, with what the rule needs of them; in any order
+    key     for each property of `partition_by` its value, by names: {"room": "Room07"}
+    raises  InvalidInput if the key is not that of the rule
+    """
+    wanted = _checked(declaration, key or {})
+    preparation = Preparation(declaration)
+    in_order = sorted(rows, key=lambda row: row.order)
+    of_key = [row for came in in_order for row in preparation.rows(came) if _is_of(row, wanted)]
+    where = [ask("where", declaration.where, row, None, None) for row in of_key]
+    taken = [asked.row for asked in where if asked.holds]
+    nothing = Explanation(declaration.name, wanted, at_us)
+    if not taken:
+        return replace(nothing, left_out=min(where, key=lambda asked: _away_us(asked, at_us), default=None))
+    match = _match_near(declaration, taken, at_us)
+    if match is not None:
+        return replace(nothing, match=match, held=tuple(_held(declaration, match)))
+    if isinstance(declaration.body, RowPattern):
+        return replace(nothing, near_miss=find_near_miss(declaration, taken, at_us))
+    return replace(nothing, near_miss=NearMiss(asked=tuple(_nearest(declaration, taken, at_us))))
+
+
+def _checked(declaration: Declaration, key: Mapping[str, object]) -> dict[str, object]:
+    partition_by = declaration.partition_by
+    if set(key) != set(partition_by):
+        example = " ".join(f"--key {name}=..." for name in partition_by)
+        raise InvalidInput(
+            f"the rule {declaration.name} has the key {', '.join(partition_by) or 'of all rows'}",
+            f"Name each part of it: {example}" if partition_by else "Leave the key out.",
+            "key",
+        )
+    return {name: key[name] for name in partition_by}
+
+
+def _is_of(row: Row, key: Mapping[str, object]) -> bool:
+    return all(
+        (part := part_of(row.values, name.split("."))) is not None and str(part) == str(value)
+        for name, value in key.items()
+    )
+
+
+def _match_near(declaration: Declaration, rows: Sequence[Row], at_us: int) -> Match | None:
+    """The match that is nearest to a moment, if it is within the window (or some seconds) of it."""
+    near_us = declaration.within.match_us or NEAR_US
+    near = [
+        (away_us, match)
+        for match in _matches(compile_rule(declaration), rows, max(rows[-1].stamp_us, at_us))
+        if (away_us := _outside_us(match, at_us)) < near_us
+    ]
+    return min(near, key=lambda found: found[0])[1] if near else None
+
+
+def _matches(program: Program, rows: Sequence[Row], until_us: int) -> Iterator[Match]:
+    state = None
+    for row in rows:
+        state, found = program.advance(state, row.stamp_us - 1)
+        yield from found
+        state, found = program.step(state, row)
+        yield from found
+    yield from program.advance(state, until_us)[1]
+
+
+def _held(declaration: Declaration, match: Match) -> Iterator[Asked]:
+    """The condition of each row of a match; of an interval, only of the row that began it."""
+    bound: Bound | None = None
+    begun: set[str] = set()
+    for variable, row in match.rows:
+        if variable in declaration.define and (
+            isinstance(declaration.body, RowPattern) or variable not in begun
+        ):
+            yield ask(variable, declaration.define[variable], row, bound, None)
+        begun.add(variable)
+        bound = Bound(variable, row, bound)
+
+
+def _outside_us(match: Match, at_us: int) -> int:
+    """How far the moment is before the first row of a match or after its end."""
+    first_us = match.rows[0][1].stamp_us if match.rows else match.stamp_us
+    return max(first_us - at_us, at_us - match.stamp_us, 0)
+
+
+def _nearest(declaration: Declaration, rows: Sequence[Row], at_us: int) -> Iterator[Asked]:
+    """The condition of each variable, asked of the row that fails in fewest parts and is nearest."""
+    if isinstance(declaration.body, Edges):
+        yield ask("", None, min(rows, key=lambda row: abs(row.stamp_us - at_us)), None, None)
+    for variable, condition in declaration.define.items():
+        asked = [ask(variable, condition, row, None, None) for row in rows]
+        yield min(asked, key=lambda each: (each.failed, _away_us(each, at_us)))
+
+
+def _away_us(asked: Asked, at_us: int) -> int:
+    return abs(asked.row.stamp_us - at_us)
+
+
+def _near_miss_lines(near_miss: NearMiss) -> Iterator[str]:
+    yield "it found nothing." + (" The furthest that it came:" if near_miss.bound else "")
+    yield from _bound_lines(near_miss.bound)
+    for asked in near_miss.came:
+        yield f"  {asked.variable} was to be absent, but came:"
+        yield from _asked_lines(asked)
+    awaited = [asked for asked in near_miss.asked if not asked.holds or not near_miss.came]
+    if awaited:
+        yield "  What came nearest to being next:" if near_miss.bound else "  What came nearest:"
+    for asked in awaited:
+        yield from _asked_lines(asked)
+    if near_miss.is_open:
+        yield "  It is still under way."
+    elif near_miss.ended_us is not None:
+        yield f"  Its window ended at {_at(near_miss.ended_us)}."
+
+
+def _bound_lines(rows: Iterable[tuple[str, Row]]) -> Iterator[str]:
+    for variable, row in rows:
+        yield f"  {variable or '-'}: {_row(row)}"
+
+
+def _asked_lines(asked: Asked) -> Iterator[str]:
+    yield f"  {asked.variable or '-'} {'holds' if asked.holds else 'fails'} of {_row(asked.row)}"
+    for part in asked.parts:
+        yield f"    {'yes' if part.holds else 'no '} {part.said}" + (f": {part.found}" if part.found else "")
+
+
+def _row(row: Row) -> str:
+    named = [str(row.values[name]) for name in ("input", "type", "track", "instance") if row.values.get(name)]
+    return f"{' '.join(named)} at {_at(row.own_stamp_us)}"
+
+
+def _at(stamp_us: int) -> str:
+    return to_datetime(stamp_us).isoformat().replace("+00:00", "Z")

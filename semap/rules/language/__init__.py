@@ -1,0 +1,1 @@
+"""What a rule may say: YAML, patterns, formulas, conditions; read, checked and placed in the file."""

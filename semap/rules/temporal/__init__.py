@@ -1,0 +1,1 @@
+"""Metric temporal logic over the state of relations, by progression."""

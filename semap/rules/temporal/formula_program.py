@@ -1,0 +1,221 @@
+"""A formula of metric temporal logic, asked from rows on.
+
+An atom is true while some interval of its variable holds. The rows of one stamp are one moment: what is true
+at it is known when the watermark has reached it or a later row has come. Then what was begun to be asked is
+progressed to that moment, and its verdict is forecast as if nothing changed any more; so a verdict comes at
+the moment at which it is certain, whether a row or the passing of time made it so, and no cut through the
+stream moves it.
+
+With `when`, an evaluation begins at each row of which its condition is true; if the formula has an atom of
+this name, only at those that begin an interval of it. Without, one begins at the first row of the key, and
+the next at the row that comes after its verdict. What is asked is the formula at the moment of that row.
+
+Bounds of memory: what holds now; each evaluation until its verdict, at most MOST_EVALUATIONS in a key (the
+oldest one goes first, without a verdict, and is counted); the signals from the first moment that matters to
+one of them (see semap.rules.temporal.progression).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+
+from semap.rules.bound import Condition
+from semap.rules.finish import Finish, finished
+from semap.rules.formula import Formula
+from semap.rules.interval.holding import Subject, begun, satisfies, subject_of
+from semap.rules.program import Match
+from semap.rules.row import Row
+from semap.rules.temporal.forecast import Forecast, forecast
+from semap.rules.temporal.formula_state import Change, Evaluation, FormulaState, dump_state, load_state
+from semap.rules.temporal.metric import Signals, atom_names, known_until
+from semap.rules.temporal.progression import interest_us, progressed
+from semap.rules.temporal.spans import clipped, union
+from semap.rules.temporal.tautology import without_tautologies
+
+MOST_EVALUATIONS = 10_000
+
+
+@dataclass(frozen=True)
+class FormulaProgram:
+    """`formula`, asked of each row that satisfies `when`.
+
+    conditions  of the atoms, asked of the row that begins an interval; of `when`, asked of any row
+    emits       names of the events `holds` and `fails`; either may be left out
+
+    A match has the row that began the evaluation, bound to `when` (or to the empty name), and the row that
+    decided it (of several at that moment the last), bound to the atom that it changed; none where time did.
+    """
+
+    formula: Formula
+    when: str | None
+    conditions: Mapping[str, Condition]
+    emits: Mapping[str, str]
+    finish: Finish
+
+    @cached_property
+    def _asked(self) -> Formula:
+        return without_tautologies(self.formula)
+
+    @cached_property
+    def _atoms(self) -> Mapping[str, Condition | None]:
+        return {name: self.conditions.get(name) for name in atom_names(self.formula)}
+
+    def step(self, state: FormulaState | None, row: Row) -> tuple[FormulaState | None, tuple[Match, ...]]:
+        """Take the next row of the key."""
+        given = self.advance(state, row.stamp_us - 1)
+        before, matches = given
+        if before is None:
+            before = FormulaState(row.stamp_us, True)
+        names = begun(row, self._atoms)
+        holding = _held(before.holding, subject_of(row), names)
+        changed = _changed(before.holding, holding)
+        starts = self._starts(row, names, before)
+        if holding == before.holding and not starts:
+            return given
+        evaluations, dropped = before.evaluations, before.dropped
+        if starts:
+            kept = evaluations[-MOST_EVALUATIONS + 1 :]
+            dropped += len(evaluations) - len(kept)
+            evaluations = (*kept, Evaluation(row, self._asked))
+        change = before.change if row.stamp_us == before.moment_us else None
+        if changed and before.evaluations:
+            change = next(iter(changed)), row
+        state = FormulaState(
+            moment_us=row.stamp_us,
+            settled=not evaluations or (before.settled and not starts and not changed),
+            change=change,
+            holding=holding,
+            signals=_signals(before.signals, changed, row.stamp_us),
+            evaluations=evaluations,
+            dropped=dropped,
+        )
+        return _remembered(state), matches
+
+    def advance(
+        self, state: FormulaState | None, watermark_us: int
+    ) -> tuple[FormulaState | None, tuple[Match, ...]]:
+        """Know that every row to come has a stamp after the watermark."""
+        if state is None or (not state.settled and watermark_us < state.moment_us):
+            return state, ()
+        change = None if state.settled else state.change
+        expected = {each.row.order: each.forecast for each in state.evaluations}
+        if not state.settled:
+            state = self._settled(state)
+        due = [
+            (each.forecast, each)
+            for each in state.evaluations
+            if each.forecast is not None and each.forecast.certain_us <= watermark_us
+        ]
+        if not due:
+            return state, ()
+        due.sort(key=lambda pair: (pair[0].certain_us, pair[1].row.order))
+        matches = tuple(
+            match
+            for found, each in due
+            # What was to come anyhow at this moment is not the doing of a row.
+            for match in self._matches(found, each, None if expected[each.row.order] == found else change)
+        )
+        gone = {each.row.order for _, each in due}
+        left = tuple(each for each in state.evaluations if each.row.order not in gone)
+        return _remembered(replace(state, evaluations=left)), matches
+
+    def deadline_us(self, state: FormulaState | None) -> int | None:
+        """The moment whose rows are not all known yet; else when the first verdict is certain."""
+        if state is None:
+            return None
+        if not state.settled:
+            return state.moment_us
+        return min(
+            (each.forecast.certain_us for each in state.evaluations if each.forecast is not None),
+            default=None,
+        )
+
+    def dump(self, state: FormulaState) -> object:
+        """The state as JSON."""
+        return dump_state(state)
+
+    def load(self, document: object) -> FormulaState:
+        """The state that `dump` gave."""
+        return load_state(document)
+
+    def _starts(self, row: Row, names: tuple[str, ...], state: FormulaState) -> bool:
+        """Whether an evaluation begins at the row, which begins intervals of these atoms."""
+        if self.when is None:
+            return not state.evaluations
+        if self.when in self._atoms:
+            return self.when in names
+        return satisfies(row, self.when, self.conditions.get(self.when))
+
+    def _settled(self, state: FormulaState) -> FormulaState:
+        """The state once all rows of its moment are known: progressed to it, with forecasts."""
+        signals = {name: state.signals.get(name, ()) for name in self._atoms}
+        known_us = state.moment_us + 1
+        atoms = known_until(signals, known_us)
+        evaluations = []
+        for each in state.evaluations:
+            at_us, rest = each.row.stamp_us, each.rest
+            # Without a change the forecasts still stand.
+            if state.change is not None or at_us == state.moment_us:
+                rest = progressed(rest, at_us, atoms)
+                evaluations.append(Evaluation(each.row, rest, forecast(rest, at_us, signals, known_us)))
+            else:
+                evaluations.append(each)
+        settled = replace(state, settled=True, change=None, evaluations=tuple(evaluations))
+        return _remembered(settled) or settled
+
+    def _matches(self, found: Forecast, evaluation: Evaluation, change: Change | None) -> tuple[Match, ...]:
+        """The match of a verdict; `change` is the latest one of the moment that has just been settled."""
+        rows = [(self.when or "", evaluation.row)]
+        if (
+            change is not None
+            and change[1].stamp_us == found.certain_us
+            and change[1].order > evaluation.row.order
+        ):
+            rows.append(change)
+        match_type = self.emits.get("holds" if found.verdict else "fails")
+        return finished(match_type, rows, found.certain_us, self.finish)
+
+
+def _held(
+    holding: Mapping[Subject, tuple[str, ...]], subject: Subject | None, names: tuple[str, ...]
+) -> Mapping[Subject, tuple[str, ...]]:
+    """What holds after a row of a subject that begins these: all that held by the subject ends at it."""
+    if subject is None or (not names and subject not in holding):
+        return holding
+    others = {each: held for each, held in holding.items() if each != subject}
+    return {**others, subject: names} if names else others
+
+
+def _changed(
+    before: Mapping[Subject, tuple[str, ...]], after: Mapping[Subject, tuple[str, ...]]
+) -> Mapping[str, bool]:
+    """The atoms that became true or false."""
+    if before is after:
+        return {}
+    was = {name for names in before.values() for name in names}
+    now = {name for names in after.values() for name in names}
+    return {name: name in now for name in sorted(was ^ now)}
+
+
+def _signals(signals: Signals, changed: Mapping[str, bool], stamp_us: int) -> Signals:
+    """The signals with these changes."""
+    changes = {
+        name: union([*signals.get(name, ()), (stamp_us, inf)])
+        if true
+        else clipped(signals.get(name, ()), -inf, stamp_us)
+        for name, true in changed.items()
+    }
+    return {**signals, **changes} if changes else signals
+
+
+def _remembered(state: FormulaState) -> FormulaState | None:
+    """The state without what no evaluation, begun or to come, can ask for; None where nothing is left."""
+    if not state.evaluations and not state.holding:
+        return None
+    since_us = min((interest_us(each.rest, each.row.stamp_us) for each in state.evaluations), default=inf)
+    since_us = min(since_us, state.moment_us)
+    kept = {name: clipped(spans, since_us, inf) for name, spans in state.signals.items()}
+    return replace(state, signals={name: spans for name, spans in kept.items() if spans})
