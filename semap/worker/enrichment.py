@@ -11,12 +11,14 @@ from collections.abc import Mapping, Sequence
 import psycopg
 import shapely
 
-from semap.rules.engine.needs import Needs
+from semap.rules.engine.needs import LOOKED_UP, Needs
+from semap.rules.engine.preparation import ACTOR_NEARER
 from semap.rules.row import Row, Value
 from semap.store.database import translated
 from semap.timeline.stamp import to_datetime
 from semap.worker.actor import Candidate, likeliest
 
+ASKED = LOOKED_UP | {ACTOR_NEARER}
 FOOTPRINTS = """
     select i.instance_id, public.st_asbinary(f.geometry)
     from semap.instance i
@@ -68,26 +70,32 @@ def enriched(connection: psycopg.Connection, map_id: int, rows: Sequence[Row], n
     found: list[dict[str, Value]] = [{} for _ in rows]
     with translated():
         if needs.actor_within_m:
-            _add_actors(connection, map_id, rows, needs.actor_within_m, found)
+            _add_actors(connection, map_id, rows, needs, found)
         if needs.position:
             _add_positions(connection, rows, needs.position, found)
         if needs.footprint or needs.position:
             _add_footprints(connection, rows, needs, found)
     return [
-        Row(row.stamp_us, row.rank, row.uid, row.source, {**row.values, **values}, row.concepts)
-        if values
+        Row(row.stamp_us, row.rank, row.uid, row.source, {**_plain(row.values), **values}, row.concepts)
+        if values or ASKED & row.values.keys()
         else row
         for row, values in zip(rows, found, strict=True)
     ]
+
+
+def _plain(values: Mapping[str, Value]) -> Mapping[str, Value]:
+    """Without what was looked up before, when not all that counts may have come."""
+    return {name: value for name, value in values.items() if name not in ASKED}
 
 
 def _add_actors(
     connection: psycopg.Connection,
     map_id: int,
     rows: Sequence[Row],
-    within_m: Mapping[str, float],
+    needs: Needs,
     found: Sequence[dict[str, Value]],
 ) -> None:
+    within_m = needs.actor_within_m
     asked = [
         (place, to_datetime(row.own_stamp_us), row.values["instance_id"], within_m[_input(row)])
         for place, row in enumerate(rows)
@@ -99,15 +107,24 @@ def _add_actors(
     columns = [list(column) for column in zip(*asked, strict=True)]
     for place, *candidate in connection.execute(CANDIDATES, [*columns, map_id]):
         candidates.setdefault(place, []).append(Candidate(*candidate))
-    for place, near in candidates.items():
-        actor = likeliest(near, within_m[_input(rows[place])])
-        if actor is not None:
-            found[place] |= {
-                "actor": actor.candidate.name,
-                "actor_id": actor.candidate.track_id,
-                "actor_likelihood": actor.likelihood,
-                "actor_distance_m": actor.candidate.distance_m,
-            }
+    for place, *_ in asked:
+        near, row = candidates.get(place, []), rows[place]
+        found[place] |= _actor_values(near, within_m[_input(row)])
+        nearer_m = needs.actor_nearer_m.get(_input(row))
+        if nearer_m and near:
+            found[place][ACTOR_NEARER] = {repr(each_m): _actor_values(near, each_m) for each_m in nearer_m}
+
+
+def _actor_values(near: Sequence[Candidate], within_m: float) -> dict[str, Value]:
+    actor = likeliest(near, within_m)
+    if actor is None:
+        return {}
+    return {
+        "actor": actor.candidate.name,
+        "actor_id": actor.candidate.track_id,
+        "actor_likelihood": actor.likelihood,
+        "actor_distance_m": actor.candidate.distance_m,
+    }
 
 
 def _add_positions(

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from threading import Event as Signal
 
 import psycopg
@@ -85,6 +85,7 @@ class Reading:
         self._stretch = stretch
         self._committed_lsn = stretch.progress.lsn
         self._commit_due_s: float | None = None
+        self._dropped: Mapping[int, int] = {}
 
     def run(self, stop: Signal) -> Iterator[None]:
         while not stop.is_set():
@@ -111,6 +112,19 @@ class Reading:
         self._stream.acknowledge(lsn)
         for source_id in note_idle(self._connection, self._stretch.is_idle):
             del self._stretch.is_idle[source_id]
+        self._say_what_was_given_up()
+
+    def _say_what_was_given_up(self) -> None:
+        engine = self._stretch.progress.engine
+        dropped = engine.dropped
+        for rule_id, count in dropped.items():
+            if count > self._dropped.get(rule_id, 0):
+                log.warning(
+                    "Rule %s has given up %d attempts: too many were under way in one key. Give it a window.",
+                    engine.rules[rule_id].name,
+                    count,
+                )
+        self._dropped = dropped
 
 
 def _slot(connection: psycopg.Connection) -> str:

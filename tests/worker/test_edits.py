@@ -232,3 +232,55 @@ def test_what_is_too_much_for_one_statement_is_committed_in_parts_and_at_once(
     kinds = ("entered", "left", "visited")
     assert {kind: len(scene.events(kind)) for kind in kinds} == {"entered": 38, "left": 38, "visited": 19}
     assert [seq for (seq,) in world.rows("select seq from semap.event order by seq")] == list(range(1, 96))
+
+
+def test_a_row_of_an_edit_that_waits_is_not_taken_from_the_past_as_well(world: World) -> None:
+    scene = DoorScene(world)
+    ends = {
+        "input": "track_in_room", "where": "type = 'ended'", "pattern": "E{2}", "define": {"E": "true"},
+        "within": "1 h", "emit": "two_ended",
+    }  # fmt: skip
+    scene.add_rule("visited", IN_ROOM_ENDS)
+    with running_worker(world.dsn):
+        scene.walk("ann", [(100, 1, 1), (101, 1, 1)])
+        scene.watermark(101)
+        await_progress(world.dsn)
+        world.delete_room("west")
+        await_progress(world.dsn)
+        assert world.one("select count(*) from semap.pending_row") == 1
+        scene.add_rule("ends", ends, backfill_from_s=0)
+        scene.watermark(110)
+        await_progress(world.dsn)
+    assert scene.events("visited", "two_ended") == [("visited", "ann", "west", 101.000001)]
+
+
+def test_a_rule_finds_its_actor_whatever_others_look_for(world: World) -> None:
+    """Somebody stands by three metres away, whom the rule that looks further takes for possible as well."""
+    scene = DoorScene(world)
+    near, far = (
+        {
+            "input": {"object_state": "door", "actor_within_m": within_m}, "emit": {"open": "opened"},
+            "measures": {"who": "actor", "likelihood": "actor_likelihood", "distance_m": "actor_distance_m"},
+        }
+        for within_m in (1.5, 6)
+    )  # fmt: skip
+    lone = {**near, "input": {"object_state": "door", "actor_within_m": 0.1}}
+    rules = {"near": near, "far": far, "lone": lone}
+    for name, document in rules.items():
+        scene.add_rule(name, document)
+    with running_worker(world.dsn):
+        scene.walk("ann", [(100 + i, 3, 2) for i in range(4)])
+        scene.walk("bob", [(100 + i, 7, 2) for i in range(4)])
+        scene.door("open", 102)
+        scene.watermark(110)
+        await_progress(world.dsn)
+    with connect(world.dsn) as connection:
+        for name, document in rules.items():
+            made = world.rows("select measures from semap.event where rule_name = %s", name)
+            dry = dry_run(connection, world.name, parse_declaration(document, name))
+            assert [(dict(event.measures),) for event in dry] == made
+    measured = dict(
+        world.rows("select rule_name, measures from semap.event where rule_name = any (%s)", list(rules))
+    )
+    assert [measured[name]["who"] for name in rules] == ["ann", "ann", None]
+    assert measured["near"]["likelihood"] > 0.6 > measured["far"]["likelihood"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Mapping
 
 import pytest
@@ -136,3 +137,74 @@ def test_changes_of_the_map_are_rows_each_once_for_a_transaction(world: World) -
         ("rebuilt", "annex", room_id),
         ("torn_down", "annex", room_id),
     ]
+
+
+OPEN_AND_EMPTY: Mapping[str, object] = {
+    "input": ["track_in_room", {"object_state": "door"}], "partition_by": "room", "when": "S",
+    "formula": "always[0 s, 4 s] (O and not P)",
+    "define": {
+        "S": "(input = 'door' and type = 'open') or (input = 'track_in_room' and type = 'ended')",
+        "O": "input = 'door' and type = 'open'",
+        "P": "input = 'track_in_room' and type = 'began'",
+    },
+    "emit": {"holds": "open_and_empty"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_sources_out_of_step_and_states_out_of_order_give_the_same_events(world: World, seed: int) -> None:
+    """Three sources, each as far as it likes, states of doors in any order within their lateness, cuts anywhere.
+
+    In the end only watermarks come, by which absences are known.
+    """
+    dice = random.Random(seed)
+    scene = DoorScene(world)
+    rules = {**RULES, "open_and_empty": OPEN_AND_EMPTY}
+    world.run("delete from semap.rule")
+    for name, document in rules.items():
+        scene.add_rule(name, document)
+    other_id = world.add_source("other camera")
+    scene.tracks["bob"] = world.add_track("bob", other_id)
+    lateness_s = 6.0
+    world.run("update semap.source set lateness = '6 s' where source_id = %s", scene.door_source_id)
+    steps = {
+        world.source_id: [(100.0 + i, "ann", dice.uniform(1, 7)) for i in range(60)],
+        other_id: [(100.3 + i, "bob", dice.uniform(1, 7)) for i in range(60)],
+        scene.door_source_id: sorted(
+            ((100.5 + i, None, ("open", "closed")[dice.randrange(2)]) for i in range(60)),
+            key=lambda step: step[0] + dice.uniform(0, lateness_s - 0.1),
+        ),
+    }
+    newest_s = dict.fromkeys(steps, 0.0)
+    with running_worker(world.dsn):
+        while any(steps.values()):
+            source_id = dice.choice([each for each, left in steps.items() if left])
+            for _ in range(dice.randrange(1, 9)):
+                if not steps[source_id]:
+                    break
+                at_s, name, what = steps[source_id].pop(0)
+                if name is None:
+                    scene.door(what, at_s)
+                else:
+                    scene.walk(name, [(at_s, what, 2)])
+                newest_s[source_id] = max(newest_s[source_id], at_s)
+            scene.watermark(newest_s[source_id], source_id)
+            if dice.random() < 0.1:
+                cut(world)
+        for name in ("ann", "bob"):
+            scene.walk(name, [(160.5, 1, 2)])
+        scene.door("open", 161)
+        scene.watermark(161, *steps)
+        await_progress(world.dsn)
+    with running_worker(world.dsn):
+        for at_s in (165, 171, 200):
+            scene.watermark(at_s, *steps)
+        await_progress(world.dsn)
+    for name, document in rules.items():
+        found = world.rows(
+            "select event_id::text, type from semap.event where rule_name = %s order by 1", name
+        )
+        assert found == should_be(world, name, document, None), name
+        assert found, name
+    assert world.one("select count(*) from semap.late_row") == 0
+    assert world.one("select count(*) from semap.pending_row") == 0

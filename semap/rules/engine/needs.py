@@ -22,17 +22,32 @@ class Needs:
     actor_within_m  the farthest distance that any rule asks for, by the name of the input
     position        names of inputs
     footprint       names of inputs
+    actor_nearer_m  the shorter distances that other rules ask for: each has an actor of its own
     """
 
     actor_within_m: Mapping[str, float] = field(default_factory=dict)
     position: frozenset[str] = frozenset()
     footprint: frozenset[str] = frozenset()
+    actor_nearer_m: Mapping[str, frozenset[float]] = field(default_factory=dict)
 
     def __or__(self, other: Needs) -> Needs:
-        farthest = dict(self.actor_within_m)
-        for name, within_m in other.actor_within_m.items():
-            farthest[name] = max(within_m, farthest.get(name, within_m))
-        return Needs(farthest, self.position | other.position, self.footprint | other.footprint)
+        farthest, nearer = {}, {}
+        for name in self.actor_within_m.keys() | other.actor_within_m.keys():
+            asked_m = self._actor_within_m(name) | other._actor_within_m(name)
+            farthest[name] = max(asked_m)
+            nearer[name] = asked_m - {farthest[name]}
+        return Needs(
+            farthest,
+            self.position | other.position,
+            self.footprint | other.footprint,
+            {name: asked_m for name, asked_m in nearer.items() if asked_m},
+        )
+
+    def _actor_within_m(self, name: str) -> frozenset[float]:
+        """All distances that rules ask for in rows of an input."""
+        if name not in self.actor_within_m:
+            return frozenset()
+        return self.actor_nearer_m.get(name, frozenset()) | {self.actor_within_m[name]}
 
 
 def properties_read(declaration: Declaration) -> frozenset[str]:

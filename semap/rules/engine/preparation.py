@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from semap.rules.declaration import Declaration
 from semap.rules.engine.needs import OF_ACTOR, properties_read
 from semap.rules.engine.partition import in_rooms
 from semap.rules.engine.presence import Presence
 from semap.rules.row import Row
+
+ACTOR_NEARER = "actor_nearer"
+"""Of a row, no property that a rule can name: actors within shorter distances, by the distance as text."""
 
 
 class Preparation:
@@ -37,9 +40,17 @@ class Preparation:
 
 
 def _with_actor_within(row: Row, within_m: float) -> Row:
-    """Without its actor where that was found further away than this rule looks."""
-    distance_m = row.values.get("actor_distance_m")
-    if not isinstance(distance_m, int | float) or distance_m <= within_m:
+    """With the actor as this rule looks for it, or without one where that is further away."""
+    values = row.values
+    nearer = values.get(ACTOR_NEARER)
+    distance_m = values.get("actor_distance_m")
+    if isinstance(nearer, Mapping) and repr(within_m) in nearer:
+        actor = nearer[repr(within_m)]
+    elif isinstance(distance_m, int | float) and distance_m > within_m:
+        actor = {}
+    elif nearer is None:
         return row
-    values = {name: value for name, value in row.values.items() if name not in OF_ACTOR}
-    return Row(row.stamp_us, row.rank, row.uid, row.source, values, row.concepts)
+    else:
+        actor = {name: values[name] for name in OF_ACTOR if name in values}
+    known = {name: value for name, value in values.items() if name not in OF_ACTOR and name != ACTOR_NEARER}
+    return Row(row.stamp_us, row.rank, row.uid, row.source, {**known, **actor}, row.concepts)

@@ -20,6 +20,9 @@ class Waiting:
         self._removed: list[str] = []
         self._earliest_us: int | None = None
 
+    def __contains__(self, uid: str) -> bool:
+        return uid in self._new or uid in self._stored
+
     def add(self, row: Row) -> None:
         if row.uid in self._stored:
             return
