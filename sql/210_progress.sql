@@ -55,42 +55,51 @@ comment on function semap.forget_maps is
 create or replace function semap.write_rule_states(
   p_worker text, p_rules_before jsonb, p_rules jsonb, p_states jsonb
 ) returns void
-language sql as $$
-  delete from semap.rule_state
-  where worker = p_worker
-    and rule_id in (select id::integer from jsonb_object_keys(p_rules_before) id where not p_rules ? id);
+language plpgsql as $$
+begin
+  if p_rules <> p_rules_before then
+    delete from semap.rule_state
+    where worker = p_worker
+      and rule_id in (select id::integer from jsonb_object_keys(p_rules_before) id where not p_rules ? id);
+  end if;
+  if jsonb_array_length(p_states) > 0 then
+    delete from semap.rule_state s
+    using jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
+    where c.state is null and s.worker = p_worker and s.rule_id = c.rule_id and s.key = c.key;
 
-  delete from semap.rule_state s
-  using jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
-  where c.state is null and s.worker = p_worker and s.rule_id = c.rule_id and s.key = c.key;
-
-  insert into semap.rule_state (worker, rule_id, key, state)
-  select p_worker, c.rule_id, c.key, c.state
-  from jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
-  where c.state is not null
-  on conflict (worker, rule_id, key) do update set state = excluded.state
-$$;
+    insert into semap.rule_state (worker, rule_id, key, state)
+    select p_worker, c.rule_id, c.key, c.state
+    from jsonb_to_recordset(p_states) as c (rule_id integer, key text, state jsonb)
+    where c.state is not null
+    on conflict (worker, rule_id, key) do update set state = excluded.state;
+  end if;
+end $$;
 comment on function semap.write_rule_states is
   'Write what changed in the state of rules, and forget that of rules that are in force no more.';
 
 -- Write which rows wait for the watermark, which wait no more, and which came too late for it.
 create or replace function semap.write_rows(p_worker text, p_pending jsonb, p_late jsonb) returns void
-language sql as $$
-  delete from semap.pending_row w
-  using jsonb_to_recordset(p_pending -> 'removed') as r (map_id integer, uid text)
-  where w.worker = p_worker and w.map_id = r.map_id and w.uid = r.uid;
-
-  insert into semap.pending_row (worker, map_id, uid, row)
-  select p_worker, r.map_id, r.uid, r.row
-  from jsonb_to_recordset(p_pending -> 'added') as r (map_id integer, uid text, row jsonb)
-  on conflict (worker, map_id, uid) do update set row = excluded.row;
-
-  insert into semap.late_row (map_id, uid, input, stamp, watermark, row)
-  select r.map_id, r.uid, r.input, r.stamp, r.watermark, r.row
-  from jsonb_to_recordset(p_late) as r (
-    map_id integer, uid text, input text, stamp timestamptz, watermark timestamptz, row jsonb)
-  on conflict (map_id, uid) do nothing
-$$;
+language plpgsql as $$
+begin
+  if jsonb_array_length(p_pending -> 'removed') > 0 then
+    delete from semap.pending_row w
+    using jsonb_to_recordset(p_pending -> 'removed') as r (map_id integer, uid text)
+    where w.worker = p_worker and w.map_id = r.map_id and w.uid = r.uid;
+  end if;
+  if jsonb_array_length(p_pending -> 'added') > 0 then
+    insert into semap.pending_row (worker, map_id, uid, row)
+    select p_worker, r.map_id, r.uid, r.row
+    from jsonb_to_recordset(p_pending -> 'added') as r (map_id integer, uid text, row jsonb)
+    on conflict (worker, map_id, uid) do update set row = excluded.row;
+  end if;
+  if jsonb_array_length(p_late) > 0 then
+    insert into semap.late_row (map_id, uid, input, stamp, watermark, row)
+    select r.map_id, r.uid, r.input, r.stamp, r.watermark, r.row
+    from jsonb_to_recordset(p_late) as r (
+      map_id integer, uid text, input text, stamp timestamptz, watermark timestamptz, row jsonb)
+    on conflict (map_id, uid) do nothing;
+  end if;
+end $$;
 comment on function semap.write_rows is
   'Write which rows wait for the watermark, which wait no more, and which came too late for it.';
 

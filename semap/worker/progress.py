@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
@@ -146,7 +147,8 @@ def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Prog
         _late_json(changes),
     )
     gone_maps = list(made.gone_maps)
-    with translated(), connection.transaction():
+    # what is one statement needs no transaction around it
+    with translated(), connection.transaction() if parts else nullcontext():
         for part in parts:
             connection.execute(COMMIT, [WORKER, before, before, None, None, gone_maps, *part])
             gone_maps = []
