@@ -4,7 +4,7 @@ A track that is inside at one state and not at the next crossed the edge between
 the straight way between both does. Across a pause that parts a track, the change counts at the first state
 that shows it, as it does for the triggers.
 
-An excursion over the edge that gets no further from it than the standard deviation of the position says
+An excursion over the edge that stays nearer to it than the standard deviation of the position says
 nothing, and is passed over: where a track stands at an edge, noise and smoothing alone make such.
 """
 
@@ -132,14 +132,14 @@ def _is_one_way(path: Path, i: int, k: int) -> bool:
 
 
 def _is_far(path: Path, area: Area, i: int, k: int) -> bool:
-    """Whether one of these states is further from the edge than its standard deviation, or there are many."""
+    """Whether one of these states is at least its standard deviation from the edge, or there are many."""
     if k - i >= MANY_STATES:
         return True
     edge = shapely.boundary(area.footprint)
     distance_m = shapely.distance(shapely.points(path.position_m[i : k + 1]), edge)
     z_m = path.z_m[i : k + 1]
     beyond = (z_m < area.z_min_m) | (z_m >= area.z_max_m)
-    return bool((beyond | (distance_m > path.std_m[i : k + 1])).any())
+    return bool((beyond | (distance_m >= path.std_m[i : k + 1])).any())
 
 
 def _beginning(path: Path, area: Area, i: int) -> tuple[int, Cause | None]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from semap.batch.crossing import Area, Path, Visit, visits
@@ -76,6 +76,7 @@ def test_climbing_stairs_leaves_the_storey_at_its_height() -> None:
 
 
 @settings(max_examples=60, deadline=None)
+@example([(1.0, 1.0), (0.0, 0.0), (1.0, 1.0)], 1)
 @given(st.lists(st.tuples(st.floats(-1, 7), st.floats(-1, 5)), min_size=2, max_size=8), st.integers(1, 3))
 def test_states_inside_are_in_a_visit_and_its_ends_lie_on_the_edge(points: list, count: int) -> None:
     walk = path(*[points[n:] + points[:n] for n in range(count)])
