@@ -11,7 +11,7 @@ from uuid import UUID
 
 from semap.batch.verdict import Finding, Judgement, compare
 from semap.model.event import Event
-from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.timeline.stamp import to_us
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def _finding(event: Event | Logged) -> Finding:
         event.instance_id or 0,
         json.dumps(event.key, sort_keys=True),
     )
-    return Finding(event.event_id, about, (event.stamp - EPOCH) // MICROSECOND)
+    return Finding(event.event_id, about, to_us(event.stamp))
 
 
 def _changed(event: Event | Logged, verdict: str, by: Event | None = None) -> Changed:

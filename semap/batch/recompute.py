@@ -33,7 +33,7 @@ from semap.rules.engine.sources import NEVER_US
 from semap.rules.lookback import lookback_us
 from semap.rules.row import Row
 from semap.store.database import connect, translated
-from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import Span, history_rows
 from semap.worker.map_facts import MapFacts, load_map_facts
@@ -198,18 +198,20 @@ def _found(
     advance("finding visits")
     regions = read_regions(connection, map_id)
     areas = [region.area for region in regions.values()]
-    before_us = _us(first - margin) - 1
+    before_us = to_us(first - margin) - 1
     rows: dict[str, Row] = {
         row.uid: row for row in relation_rows(visits(path, areas), tracks, regions, facts, before_us)
     }
     advance("running the rules")
-    span = Span(_us(first), _us(last), with_held=True)
+    span = Span(to_us(first), to_us(last), with_held=True)
     rows |= _object_rows(connection, rules, span, facts)
     # together, since the farthest that any rule asks for an actor counts, as it does for the worker
     needs = reduce(or_, (needs_of(rule.declaration) for rule in rules.values()), Needs())
     ready = enriched(connection, map_id, list(rows.values()), needs)
     return [
-        event for event in run_over(rules.values(), ready, _us(last)) if plan.start <= event.stamp < plan.end
+        event
+        for event in run_over(rules.values(), ready, to_us(last))
+        if plan.start <= event.stamp < plan.end
     ]
 
 
@@ -240,14 +242,10 @@ def _path(states: StoredStates, tracks: Mapping[int, StoredTrack], motion: Motio
     for place in np.flatnonzero(ends).tolist():
         ended_at = tracks[int(track[place])].ended_at
         if ended_at is not None:
-            is_last[place], over_us[place] = True, max(over_us[place], _us(ended_at))
+            is_last[place], over_us[place] = True, max(over_us[place], to_us(ended_at))
     was_there = np.array([tracks[number].was_there for number in track[begins].tolist()], np.bool_)
     is_first = np.concatenate([[False], is_last[:-1]])[: len(track)]
     is_first[begins] = ~was_there
     piece = pieces(track, stamp_us, motion)
     smoothed_m, std_m = smooth(piece, stamp_us, states.position_m, states.std_m, motion)
     return Path(track, stamp_us, smoothed_m, std_m, states.z_m, piece, is_last, is_first, over_us)
-
-
-def _us(stamp: datetime) -> int:
-    return (stamp - EPOCH) // MICROSECOND

@@ -10,7 +10,6 @@ import ast
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Any
 
 import shapely
@@ -32,7 +31,7 @@ from semap.cql2.value import ARITHMETIC as ARITHMETIC_OF
 from semap.cql2.value import ARRAYS as ARRAYS_OF
 from semap.cql2.value import SPATIAL as SPATIAL_OF
 from semap.cql2.value import instant_text, json_at, like, lower, without_accents
-from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.timeline.stamp import to_us
 
 TEMPORAL_PARTS: Mapping[str, tuple[str, ...]] = {
     "t_after": ("a.start > b.end",),
@@ -131,7 +130,7 @@ class _Translation:
             case Literal(value=value):
                 return self.names.constant(value)
             case Instant(stamp=stamp):
-                return self.names.constant(_microseconds(stamp))
+                return self.names.constant(to_us(stamp))
             case Shape(geometry=geometry):
                 shapely.prepare(geometry)
                 return self.names.constant(geometry)
@@ -237,7 +236,3 @@ def _folded(pattern: Expression) -> str:
         case Call(op="casei" | "accenti" as op, args=(inner,)):
             return (lower if op == "casei" else without_accents)(_folded(inner)) or ""
     raise AssertionError(f"{pattern} is no pattern")
-
-
-def _microseconds(stamp: datetime) -> int:
-    return (stamp - EPOCH) // MICROSECOND

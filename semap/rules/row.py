@@ -68,6 +68,10 @@ class Row:
     values: Mapping[str, Value]
     concepts: tuple[str, ...] = ()
 
+    def saying(self, values: Mapping[str, Value]) -> Row:
+        """The same row with these values."""
+        return Row(self.stamp_us, self.rank, self.uid, self.source, values, self.concepts)
+
     @property
     def order(self) -> tuple[int, int, str]:
         return self.stamp_us, self.rank, self.uid

@@ -33,7 +33,7 @@ def parse_stamp(text: str) -> int:
         raise InvalidInput(
             f"the stamp {text!r} has no offset from UTC", "Append Z, or the offset such as +01:00."
         )
-    return (stamp - EPOCH) // MICROSECOND
+    return to_us(stamp)
 
 
 def require_usual(stamp: datetime, where: str) -> datetime:
@@ -41,6 +41,11 @@ def require_usual(stamp: datetime, where: str) -> datetime:
     if not EARLIEST <= stamp <= LATEST:
         raise InvalidInput(f"the stamp {stamp.isoformat()}", "Give one from 1800 to 9998.", where)
     return stamp
+
+
+def to_us(stamp: datetime) -> int:
+    """Microseconds since 1970 of an aware stamp."""
+    return (stamp - EPOCH) // MICROSECOND
 
 
 def to_datetime(stamp_us: int) -> datetime:

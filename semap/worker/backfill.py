@@ -18,7 +18,7 @@ from semap.rules.engine.needs import needs_of, properties_read
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
-from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
 from semap.worker.inputs import RuleChange
@@ -26,7 +26,7 @@ from semap.worker.progress import Progress
 
 log = logging.getLogger(__name__)
 
-FOR_EVER_US = (FOR_EVER - EPOCH) // MICROSECOND
+FOR_EVER_US = to_us(FOR_EVER)
 ENRICHED_AT_ONCE = 1000
 
 

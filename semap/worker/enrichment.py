@@ -76,9 +76,7 @@ def enriched(connection: psycopg.Connection, map_id: int, rows: Sequence[Row], n
         if needs.footprint or needs.position:
             _add_footprints(connection, rows, needs, found)
     return [
-        Row(row.stamp_us, row.rank, row.uid, row.source, {**_plain(row.values), **values}, row.concepts)
-        if values or ASKED & row.values.keys()
-        else row
+        row.saying({**_plain(row.values), **values}) if values or ASKED & row.values.keys() else row
         for row, values in zip(rows, found, strict=True)
     ]
 

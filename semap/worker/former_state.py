@@ -39,5 +39,5 @@ def changes_only(connection: psycopg.Connection, rows: Sequence[Row]) -> Sequenc
         values = {**row.values, "previous": value}
         if since_us is not None:
             values |= {"since": since_us, "duration_s": (row.own_stamp_us - since_us) / 1e6}
-        found.append(Row(row.stamp_us, row.rank, row.uid, row.source, values, row.concepts))
+        found.append(row.saying(values))
     return found

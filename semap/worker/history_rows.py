@@ -17,13 +17,13 @@ from semap.model.event import Event
 from semap.rules.engine.rule import Rule
 from semap.rules.row import Row, Source
 from semap.store.database import translated
-from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.input_row import READERS, event_row, event_text
 from semap.worker.map_facts import MapFacts
 
 SINCE_EVER = datetime(1800, 1, 1, tzinfo=UTC)
 FOR_EVER = datetime(9999, 1, 1, tzinfo=UTC)
-EARLIEST_US, LATEST_US = ((stamp - EPOCH) // MICROSECOND for stamp in (SINCE_EVER, FOR_EVER))
+EARLIEST_US, LATEST_US = to_us(SINCE_EVER), to_us(FOR_EVER)
 
 TABLES: Mapping[Source, str] = {
     "relation": "relation_change",

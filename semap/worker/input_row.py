@@ -59,14 +59,7 @@ def object_state_row(row: TableRow, facts: MapFacts) -> Row:
         return found
     attributes = found.values.get("attributes")
     merged = {**(attributes if isinstance(attributes, Mapping) else {}), **said}
-    return Row(
-        found.stamp_us,
-        found.rank,
-        found.uid,
-        found.source,
-        {**found.values, "attributes": merged},
-        found.concepts,
-    )
+    return found.saying({**found.values, "attributes": merged})
 
 
 def event_row(row: TableRow, facts: MapFacts) -> Row:

@@ -21,12 +21,11 @@ from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
 from semap.rules.lookback import lookback_us
 from semap.store.database import connect, translated
-from semap.timeline.stamp import parse_stamp, to_datetime
+from semap.timeline.stamp import parse_stamp, to_datetime, to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import SINCE_EVER, Span, history_rows
 from semap.worker.inputs import read_rule
 from semap.worker.map_facts import MapFacts, load_map_facts
-from semap.worker.past import stamp_us
 from semap.worker.progress import ROLE, WORKER, event_json
 
 LATE = """
@@ -68,7 +67,7 @@ def replay_late(dsn: str, map_name: str | None = None) -> Replay:
     with connect(dsn, ROLE, application="semap rule replay-late") as connection, translated():
         late = connection.execute(LATE, [WORKER, map_name, map_name]).fetchall()
         for map_id, first, ids, released_us in late:
-            events += _replay(connection, map_id, stamp_us(first), released_us)
+            events += _replay(connection, map_id, to_us(first), released_us)
             connection.execute(
                 "update semap.late_row set replayed_at = clock_timestamp() where late_row_id = any (%s)",
                 [ids],

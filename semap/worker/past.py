@@ -17,7 +17,7 @@ from semap.rules.engine.run_over import run_over
 from semap.rules.language.reading import parse_declaration
 from semap.rules.row import Row
 from semap.store.database import translated
-from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import Span, history_rows
 from semap.worker.map_facts import load_map_facts
@@ -64,7 +64,7 @@ def past_of_map(connection: psycopg.Connection, map_name: str) -> PastOfMap:
             raise NotFound("map", map_name, "List them: semap map list")
         heard = connection.execute(HEARD, [row[0]]).fetchone()
     map_id, queries, rule_names = row
-    heard_us = None if heard is None or heard[0] is None else stamp_us(heard[0])
+    heard_us = None if heard is None or heard[0] is None else to_us(heard[0])
     return PastOfMap(connection, map_id, queries, frozenset(rule_names), heard_us)
 
 
@@ -86,8 +86,8 @@ def dry_run(
     if start is not None and end is not None and end <= start:
         raise InvalidInput("it ends before it begins", "Give the earlier stamp first.", "to")
     past = past_of_map(connection, map_name)
-    from_us = None if start is None else stamp_us(start)
-    end_us = None if end is None else stamp_us(end) - 1
+    from_us = None if start is None else to_us(start)
+    end_us = None if end is None else to_us(end) - 1
     rule = past.rule(declaration)
     rows = past.rows(rule, Span(from_us, end_us, with_held=looks_back(declaration), most_rows=most_rows))
     known_us = [row.stamp_us for row in rows[-1:]] + ([] if past.heard_us is None else [past.heard_us])
@@ -125,10 +125,6 @@ def learnt(
     clause = document["confidence"]
     document["confidence"] = {**(clause if isinstance(clause, dict) else {}), **fitted}
     return parse_declaration(document, declaration.name)
-
-
-def stamp_us(stamp: datetime) -> int:
-    return (stamp - EPOCH) // MICROSECOND
 
 
 def _gap_s(event: Event, first: str, last: str) -> float | None:

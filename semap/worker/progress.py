@@ -16,7 +16,7 @@ from semap.model.event import Event
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.engine import Changes, Engine
 from semap.store.database import translated
-from semap.timeline.stamp import EPOCH, MICROSECOND, to_datetime
+from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.inputs import SourceChange, read_rule
 from semap.worker.map_facts import MapFacts, load_map_facts
 
@@ -105,7 +105,7 @@ def load_progress(connection: psycopg.Connection) -> Progress:
     if row is None:
         raise SlotLost("The rule worker has no place in the log.", "Run `semap db migrate`.")
     lsn, documents, watermarks, updated_at = row
-    committed_at_us = watermarks.get("committed_at_us", (updated_at - EPOCH) // MICROSECOND)
+    committed_at_us = watermarks.get("committed_at_us", to_us(updated_at))
     facts_at_us = watermarks.get("facts_at_us", committed_at_us)
     rules = (read_rule(int(rule_id), document) for rule_id, document in documents.items())
     with translated():

@@ -20,7 +20,7 @@ from semap.rules.engine.run_over import run_over
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
 from semap.store.database import connect, translated
-from semap.timeline.stamp import EPOCH, MICROSECOND
+from semap.timeline.stamp import to_us
 from semap.worker.input_row import READERS
 from semap.worker.map_facts import load_map_facts
 from semap.worker.progress import ROLE, WORKER, Made, Progress, commit_progress, load_progress
@@ -122,7 +122,7 @@ def _catch_up(connection: psycopg.Connection) -> int:
     ]
     changes = (*gone, *rules, *missed, *_changes(connection, "source", NOW["source"]), *_gone(connection))
     stretch = Stretch(connection, progress, time.monotonic())
-    stretch.take(Transaction(parse_lsn(lsn), changes, (now - EPOCH) // MICROSECOND), time.monotonic())
+    stretch.take(Transaction(parse_lsn(lsn), changes, to_us(now)), time.monotonic())
     made = Made((*_at_once(progress, given_again), *stretch.made.events), stretch.made.gone_maps)
     newest = commit_progress(connection, 0, progress, made)
     connection.commit()

@@ -12,9 +12,10 @@ from semap.rules.declaration import Declaration
 from semap.rules.explanation.explanation import NEAR_US, Explanation
 from semap.rules.explanation.explanation import explain as explain_rows
 from semap.rules.lookback import lookback_us
+from semap.timeline.stamp import to_us
 from semap.worker.backfill import looks_back
 from semap.worker.history_rows import Span
-from semap.worker.past import past_of_map, stamp_us
+from semap.worker.past import past_of_map
 
 UNBOUND_US = 3_600_000_000
 """So far around the moment a rule without a window is looked at."""
@@ -37,7 +38,7 @@ def explain(
     past = past_of_map(connection, map_name)
     window_us = lookback_us([declaration])
     reach_us = UNBOUND_US if isinf(window_us) else int(window_us) + NEAR_US
-    at_us = stamp_us(at)
+    at_us = to_us(at)
     # a match around the moment begins one window before it, and the one that it could not overlap before that
     held = looks_back(declaration)
     span = Span(at_us - 2 * reach_us, at_us + reach_us, with_held=held, most_rows=most_rows)

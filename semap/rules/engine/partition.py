@@ -72,7 +72,4 @@ def in_rooms(row: Row) -> Sequence[Row]:
     rooms = row.values.get("rooms")
     if not isinstance(rooms, Sequence) or isinstance(rooms, str):
         return (row,)
-    return [
-        Row(row.stamp_us, row.rank, row.uid, row.source, {**row.values, **room}, row.concepts)
-        for room in rooms
-    ]
+    return [row.saying({**row.values, **room}) for room in rooms]

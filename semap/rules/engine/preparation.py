@@ -53,4 +53,4 @@ def _with_actor_within(row: Row, within_m: float) -> Row:
     else:
         actor = {name: values[name] for name in OF_ACTOR if name in values}
     known = {name: value for name, value in values.items() if name not in OF_ACTOR and name != ACTOR_NEARER}
-    return Row(row.stamp_us, row.rank, row.uid, row.source, {**known, **actor}, row.concepts)
+    return row.saying({**known, **actor})

@@ -39,7 +39,7 @@ class Presence:
         if not tracks:
             del self._tracks[place]
         counted = {**values, "occupants": len(tracks)}
-        return Row(row.stamp_us, row.rank, row.uid, row.source, counted, row.concepts)
+        return row.saying(counted)
 
     def changes(self) -> Iterable[tuple[str, object]]:
         """What is to be stored since the last call: places with their tracks, None where nobody is."""
