@@ -97,6 +97,13 @@ def place_of(source: str, place: str, part: str) -> str:
     return reading.place_at(start)
 
 
+def place_in(source: str, start: int, place: str) -> str:
+    """The line and character of a text's character, as the reader of the text counts."""
+    line = source.count("\n", 0, start) + 1
+    character = start - source.rfind("\n", 0, start)
+    return f"{place}, line {line}, character {character}"
+
+
 class _Reading:
     def __init__(self, source: str, place: str) -> None:
         self.source = source
@@ -140,9 +147,7 @@ class _Reading:
         return InvalidInput(f"it is no CQL2 text: {message}", STANDARD, self.place_at(start))
 
     def place_at(self, start: int) -> str:
-        line = self.source.count("\n", 0, start) + 1
-        character = start - self.source.rfind("\n", 0, start)
-        return f"{self.place}, line {line}, character {character}"
+        return place_in(self.source, start, self.place)
 
     def start_of(self, part: object, otherwise: int) -> int:
         """Where a part of what was read begins."""

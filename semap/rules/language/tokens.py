@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from semap.cql2.text import place_in
 from semap.errors import InvalidInput
 
 TOKEN = re.compile(
@@ -95,9 +96,7 @@ class Tokens:
 
     def where(self, token: Token) -> str:
         """The place of a token, as the reader of the file counts."""
-        line = self.source.count("\n", 0, token.start) + 1
-        character = token.start - self.source.rfind("\n", 0, token.start)
-        return f"{self.place}, line {line}, character {character}"
+        return place_in(self.source, token.start, self.place)
 
     def _refused_at(self, start: int, message: str, remedy: str) -> InvalidInput:
         return InvalidInput(message, remedy, self.where(Token("", "", start)))
