@@ -1,6 +1,6 @@
 """Run all benchmarks: print a table and write bench/results.json.
 
-python -m bench [throughput] [latency] [abstractions] [operators] [solid] [rules]
+python -m bench [throughput] [latency] [abstractions] [operators] [solid] [rules] [recording]
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from bench import abstractions, latency, operators, rules, solid, throughput
+from bench import abstractions, latency, operators, recording, rules, solid, throughput
 from semap.cluster import lease
 from semap.store.schema import migrate
 
@@ -59,6 +59,9 @@ BENCHMARKS = {
         f"{rules.ROUNDS} rounds of {rules.ROWS:,} rows, the engine and Flink in turn; then memory",
         "semap's rate at least Flink's, the same matches, memory flat",
         lambda _: rules.measure(),
+    ),
+    "recording": Benchmark(
+        "scans read from disk as values", "at least 20,000 scans/s", lambda _: recording.measure()
     ),
 }
 

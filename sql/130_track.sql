@@ -64,7 +64,8 @@ begin
   end if;
 
   update semap.track_now t
-  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m
+  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+      heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m
   from new_state n
   where t.track_id = n.track_id and n.stamp > t.stamp
     and (v_restless is null or n.track_id <> all (v_restless))
@@ -101,6 +102,7 @@ begin
     ), moved as (
       update semap.track_now t
       set live = true, stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+          heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
           region_ids = case when n.is_last then '{}' else n.region_ids end,
           calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,
           calm_z_min_m = n.calm_z_min_m, calm_z_max_m = n.calm_z_max_m

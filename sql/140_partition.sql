@@ -1,12 +1,13 @@
--- Make the partitions of track_state for these days (UTC) ahead of their states. A day that has states
--- in the default partition stays there, and so do all where there are more than 400 days. A partition is
--- made on its own and then attached, so that writers and readers of other days go on meanwhile.
+-- Make the partitions of track_state and line_observation for these days (UTC) ahead of their rows. A day that has
+-- rows in a default partition stays there, and so do all where there are more than 400 days. A partition is made on
+-- its own and then attached, so that writers and readers of other days go on meanwhile.
 create or replace function semap.ensure_partitions(p_days date[]) returns void
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
-  v_day   date;
-  v_from  timestamptz;
-  v_name  text;
+  v_day    date;
+  v_from   timestamptz;
+  v_table  text;
+  v_name   text;
 begin
   if cardinality(p_days) > 400 then
     return;
@@ -14,16 +15,18 @@ begin
   perform pg_advisory_xact_lock(7365, 0);
   foreach v_day in array p_days loop
     v_from := v_day::timestamp at time zone 'UTC';
-    v_name := 'track_state_' || to_char(v_day, 'YYYYMMDD');
-    continue when to_regclass('semap.' || v_name) is not null;
-    begin
-      execute format('create table semap.%I (like semap.track_state including all)', v_name);
-      execute format('alter table semap.track_state attach partition semap.%I for values from (%L) to (%L)',
-                     v_name, v_from, v_from + interval '1 day');
-    exception when check_violation then
-      null; -- states of this day lie in the default partition
-    end;
+    foreach v_table in array array['track_state', 'line_observation'] loop
+      v_name := v_table || '_' || to_char(v_day, 'YYYYMMDD');
+      continue when to_regclass('semap.' || v_name) is not null;
+      begin
+        execute format('create table semap.%I (like semap.%I including all)', v_name, v_table);
+        execute format('alter table semap.%I attach partition semap.%I for values from (%L) to (%L)',
+                       v_table, v_name, v_from, v_from + interval '1 day');
+      exception when check_violation then
+        null; -- rows of this day lie in the default partition
+      end;
+    end loop;
   end loop;
 end $$;
 comment on function semap.ensure_partitions is
-  'Make the partitions of track_state for these days (UTC) ahead of their states.';
+  'Make the partitions of track_state and line_observation for these days (UTC) ahead of their rows.';

@@ -28,7 +28,10 @@ begin
   end loop;
 end $$;
 
-grant insert on semap.source, semap.recording, semap.track, semap.track_state, semap.object_state to semap_ingest;
+grant insert on
+  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation, semap.object_state,
+  semap.track_amendment
+to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;

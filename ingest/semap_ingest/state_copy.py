@@ -9,9 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last")
+EXTENT_COLUMNS = (*COLUMNS, "heading_rad", "speed_mps", "length_m", "width_m")
+"""Of tracks whose motion and size are known too."""
+
 POSTGRES_EPOCH_US = 946_684_800_000_000
 HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
 TRAILER = b"\xff\xff"
+
+TYPES = {
+    "track_id": ">i8",
+    "stamp": ">i8",
+    "x_m": ">f8",
+    "y_m": ">f8",
+    "z_m": ">f8",
+    "std_m": ">f4",
+    "is_last": "?",
+    **dict.fromkeys(EXTENT_COLUMNS[len(COLUMNS) :], ">f4"),
+}
+NULLABLE = ("z_m", "std_m", *EXTENT_COLUMNS[len(COLUMNS) :])
 
 
 def pack_states(
@@ -22,13 +37,18 @@ def pack_states(
     z_m: NDArray[np.float64],
     std_m: NDArray[np.float64],
     is_last: NDArray[np.bool_],
+    *,
+    heading_rad: NDArray[np.float64] | None = None,
+    speed_mps: NDArray[np.float64] | None = None,
+    length_m: NDArray[np.float64] | None = None,
+    width_m: NDArray[np.float64] | None = None,
 ) -> bytes:
-    """A whole COPY (format binary) of `COLUMNS`; NaN in z_m or std_m becomes null.
+    """A whole COPY (format binary) of `COLUMNS`, or of `EXTENT_COLUMNS` where one of the last four is given.
 
-    All arrays are (n,). Rows with the same columns null are written together, so that each group
-    is one array of fixed width; the order of rows within a COPY has no meaning.
+    All arrays are (n,); NaN becomes null in those of `NULLABLE`. Rows with the same columns null are written
+    together, so that each group is one array of fixed width; the order of rows within a COPY has no meaning.
     """
-    values = {
+    values: dict[str, NDArray[Any]] = {
         "track_id": track_id,
         "stamp": stamp_us - POSTGRES_EPOCH_US,
         "x_m": x_m,
@@ -37,39 +57,35 @@ def pack_states(
         "std_m": std_m,
         "is_last": is_last,
     }
-    no_z, no_std = np.isnan(z_m), np.isnan(std_m)
+    extent = {"heading_rad": heading_rad, "speed_mps": speed_mps, "length_m": length_m, "width_m": width_m}
+    if any(value is not None for value in extent.values()):
+        unknown = np.full(len(track_id), np.nan)
+        values |= {name: unknown if value is None else value for name, value in extent.items()}
+    nullable = [name for name in NULLABLE if name in values]
+    nulls = np.zeros(len(track_id), dtype=np.int64)
+    for bit, name in enumerate(nullable):
+        nulls |= np.isnan(values[name]).astype(np.int64) << bit
     parts = [HEADER]
-    for z_is_null in (False, True):
-        for std_is_null in (False, True):
-            rows = np.flatnonzero((no_z == z_is_null) & (no_std == std_is_null))
-            if len(rows):
-                nulls = {name for name, null in (("z_m", z_is_null), ("std_m", std_is_null)) if null}
-                parts.append(_pack({name: value[rows] for name, value in values.items()}, nulls))
+    for pattern in np.unique(nulls):
+        rows = np.flatnonzero(nulls == pattern)
+        missing = {name for bit, name in enumerate(nullable) if int(pattern) >> bit & 1}
+        parts.append(_pack({name: value[rows] for name, value in values.items()}, missing))
     parts.append(TRAILER)
     return b"".join(parts)
 
 
 def _pack(values: Mapping[str, NDArray[Any]], nulls: set[str]) -> bytes:
-    types = {
-        "track_id": ">i8",
-        "stamp": ">i8",
-        "x_m": ">f8",
-        "y_m": ">f8",
-        "z_m": ">f8",
-        "std_m": ">f4",
-        "is_last": "?",
-    }
     fields: list[tuple[str, str]] = [("count", ">i2")]
-    for name in COLUMNS:
+    for name in values:
         fields.append((f"{name}_size", ">i4"))
         if name not in nulls:
-            fields.append((name, types[name]))
+            fields.append((name, TYPES[name]))
     rows = np.empty(len(values["track_id"]), dtype=fields)
-    rows["count"] = len(COLUMNS)
-    for name in COLUMNS:
+    rows["count"] = len(values)
+    for name, value in values.items():
         if name in nulls:
             rows[f"{name}_size"] = -1
         else:
-            rows[f"{name}_size"] = np.dtype(types[name]).itemsize
-            rows[name] = values[name]
+            rows[f"{name}_size"] = np.dtype(TYPES[name]).itemsize
+            rows[name] = value
     return rows.tobytes()

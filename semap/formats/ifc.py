@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
 from semap.formats.adjacency import joined_rooms
+from semap.formats.ifc_door import door_attributes
 from semap.formats.source import read_ends
 from semap.formats.storey_band import band_by_storey
 from semap.formats.unique_name import unique_names
@@ -94,7 +95,7 @@ def read_ifc(path: Path, progress: Progress | None = None) -> Building:
             body=each.body,
             band=_band(each, elevations_m),
             joins=joins.get(each.name, ()),
-            attributes=_attributes(each.entity, scales),
+            attributes=_attributes(each, scales),
         )
         for each, uid in zip(placed, uids, strict=True)
     )
@@ -272,8 +273,9 @@ def _joins_by_shape(
     }
 
 
-def _attributes(entity: Entity, scales: Mapping[str, float]) -> dict[str, object]:
-    """The entity's identity in the file, and its measures where the file has them [m, m2]."""
+def _attributes(placed: _Placed, scales: Mapping[str, float]) -> dict[str, object]:
+    """The entity's identity in the file, its measures where it has them [m, m2], and how a door opens."""
+    entity = placed.entity
     attributes: dict[str, object] = {"ifc_global_id": entity.GlobalId, "ifc_class": entity.is_a()}
     kind = _library("ifcopenshell.util.element").get_type(entity)
     if (named := getattr(kind, "Name", None) or entity.ObjectType) is not None:
@@ -289,6 +291,10 @@ def _attributes(entity: Entity, scales: Mapping[str, float]) -> dict[str, object
         ):
             if isinstance(value := names.get(name), float):
                 attributes[key] = value * scales[unit]
+    if placed.concept == "Door":
+        width = attributes.get("width_m")
+        width_m = width if isinstance(width, float) and width > 0 else None
+        attributes |= door_attributes(entity, kind, placed.body, width_m)
     return attributes
 
 

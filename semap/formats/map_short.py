@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from uuid import uuid5
 
+from semap.formats.door_leaf import read_leaf
 from semap.formats.geojson import NAMESPACE
 from semap.formats.map_draft import ROOT, Draft
 from semap.formats.map_sections import LOOK_FIELDS, read_attributes, read_look
@@ -27,7 +28,8 @@ OWN = "instance {}"
 THING_FIELDS = (
     "concept", "alias", "storey", "on", "blueprint", "joins", "attributes", "uid", *LOOK_FIELDS, *POSE_FIELDS,
 )  # fmt: skip
-DOOR_FIELDS = ("between", "line", "width_m", *(each for each in THING_FIELDS if each != "joins"))
+DOOR_FIELDS = ("between", "line", "width_m", "leaf", *(each for each in THING_FIELDS if each != "joins"))
+SHAPES = ("geometries", "box", "mesh", "footprint", "blueprint")
 STOREY_FIELDS = ("elevation_m", "alias", "attributes", "uid")
 
 
@@ -73,6 +75,13 @@ def _read_door(name: str, node: Node, draft: Draft, standing_on: dict[str, str])
         attributes["width_m"] = fields.pop("width_m").positive()
     if "height_m" in fields and "footprint" not in fields:
         attributes["height_m"] = fields.pop("height_m").positive()
+    if "leaf" in fields:
+        node_of_leaf = fields.pop("leaf")
+        leaf = attributes["leaf"] = read_leaf(node_of_leaf)
+        if "width_m" not in leaf | attributes and not set(SHAPES) & fields.keys():
+            raise node_of_leaf.wrong(
+                "a leaf without a width", "Give the door its `width_m`, a `line` or a shape."
+            )
     _read_thing(name, node, fields, draft, standing_on, "Door", rooms, attributes, pose)
 
 

@@ -23,6 +23,7 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
+    SmallInteger,
     Table,
     Text,
     UniqueConstraint,
@@ -80,6 +81,10 @@ def _shape(name: str, *, nullable: bool = False) -> Column[object]:
 
 def _doubles(*names: str, nullable: bool = False) -> tuple[Column[float], ...]:
     return tuple(Column(name, Double, nullable=nullable) for name in names)
+
+
+def _reals(*names: str, nullable: bool = False) -> tuple[Column[float], ...]:
+    return tuple(Column(name, REAL, nullable=nullable) for name in names)
 
 
 def _text(name: str, nullable: bool = False) -> Column[str]:
@@ -266,7 +271,7 @@ recording = Table(
     _ref("source_id", "source.source_id"),
     _text("fingerprint"),
     _text("path"),
-    Column("states_total", BigInteger, nullable=False),
+    Column("states_total", BigInteger),
     Column("states_done", BigInteger, nullable=False),
     Column("started_at", STAMP, nullable=False),
     Column("finished_at", STAMP),
@@ -294,6 +299,7 @@ track_state = Table(
     *_doubles("z_m", nullable=True),
     Column("std_m", REAL),
     Column("is_last", Boolean, nullable=False),
+    *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
 )
 
 track_now = Table(
@@ -310,6 +316,58 @@ track_now = Table(
     Column("region_ids", ARRAY(Integer), nullable=False),
     *_doubles("calm_x_min_m", "calm_x_max_m", "calm_y_min_m", "calm_y_max_m"),
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
+    *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
+)
+
+track_amendment = Table(
+    "track_amendment",
+    METADATA,
+    _id("track_amendment_id", BigInteger),
+    Column("map_id", Integer, nullable=False),
+    Column("source_id", Integer, nullable=False),
+    _ref("track_id", "track.track_id"),
+    _ref("other_track_id", "track.track_id"),
+    _text("kind"),
+    Column("since", STAMP, nullable=False),
+    Column("found", STAMP, nullable=False),
+    Column("received_at", STAMP, nullable=False),
+    UniqueConstraint("track_id", "other_track_id", "kind", "since"),
+)
+
+line_observation = Table(
+    "line_observation",
+    METADATA,
+    Column("source_id", Integer, nullable=False),
+    Column("stamp", STAMP, nullable=False),
+    *_doubles("x1_m", "y1_m", "x2_m", "y2_m"),
+    *_doubles("z_m", nullable=True),
+    *_reals("angle_std_rad", "offset_std_m"),
+    Column("points", Integer, nullable=False),
+)
+
+door_leaf = Table(
+    "door_leaf",
+    METADATA,
+    _ref("instance_id", "instance.instance_id", primary_key=True),
+    Column("map_id", Integer, nullable=False),
+    *_doubles("hinge_x_m", "hinge_y_m", "closed_rad"),
+    Column("sense", SmallInteger, nullable=False),
+    *_doubles("width_m", "max_rad", "z_min_m", "z_max_m"),
+    *_doubles("opening_above_rad", "open_from_rad", "turns_by_rad", "closed_below_rad", "rests_within_rad"),
+    Column("rests_for", INTERVAL, nullable=False),
+    _shape("range_of_motion"),
+)
+
+door_now = Table(
+    "door_now",
+    METADATA,
+    _ref("instance_id", "door_leaf.instance_id", primary_key=True),
+    Column("stamp", STAMP, nullable=False),
+    _text("state", nullable=True),
+    Column("since", STAMP),
+    *_doubles("angle_rad", "angle_std_rad", "extreme_rad", "rest_rad", nullable=True),
+    Column("rest_since", STAMP),
+    _text("doubt", nullable=True),
 )
 
 continuous_query = Table(

@@ -70,7 +70,9 @@ def test_the_short_form_of_the_documentation(tmp_path: Path) -> None:
     assert things["Room07"].alias == "kitchen"
     assert things["Lamp1"].attributes == {"watts": 7, "tags": ["desk"]}
     assert things["D1"].attributes == {"width_m": 0.9}
-    assert things["D2"].attributes == {"width_m": pytest.approx(0.9), "height_m": 2.0}
+    assert things["D2"].attributes == {
+        "width_m": pytest.approx(0.9), "height_m": 2.0, "leaf": {"hinge": "left"},
+    }  # fmt: skip
     assert things["Table1"].description == things["Table2"].description == "table"
     assert [key for key, each in looks.items() if each.is_shared] == ["table"]
 

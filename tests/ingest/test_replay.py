@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from semap_ingest.replay import Plan, in_map_frame, replay, track_uid
-from semap_ingest.state_copy import COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, EXTENT_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 from world import SECOND_US, World
 
@@ -172,6 +172,31 @@ def test_packed_states_are_what_postgresql_reads(cluster_table: str, rows: list[
         assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, _as_stored(rows)))
 
 
+measure = st.one_of(st.none(), st.floats(0.125, 3, width=32))
+
+
+@given(st.lists(st.tuples(st.integers(1, 9), st.one_of(st.none(), st.floats(-9, 9)), measure, measure, measure, measure),
+                max_size=20))  # fmt: skip
+def test_packed_extents_are_what_postgresql_reads(cluster_table: str, rows: list[tuple]) -> None:
+    columns = (
+        np.array([[np.nan if v is None else v for v in row] for row in rows], dtype=np.float64)
+        .reshape(-1, 6)
+        .T
+    )
+    nothing = np.zeros(len(rows))
+    data = pack_states(
+        columns[0].astype(np.int64), nothing.astype(np.int64), nothing, nothing, columns[1], nothing * np.nan,
+        nothing.astype(np.bool_), heading_rad=columns[2], speed_mps=columns[3], length_m=columns[4], width_m=columns[5],
+    )  # fmt: skip
+    with connect(cluster_table) as connection, connection.cursor() as cursor:
+        cursor.execute("truncate states")
+        with cursor.copy(f"copy states ({', '.join(EXTENT_COLUMNS)}) from stdin (format binary)") as copy:
+            copy.write(data)
+        cursor.execute("select track_id, z_m, heading_rad::float8, speed_mps::float8, length_m::float8, width_m::float8"
+                       " from states where std_m is null")  # fmt: skip
+        assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, rows))
+
+
 def _as_stored(rows: list[tuple]) -> list[tuple]:
     from decimal import Decimal  # noqa: PLC0415
 
@@ -187,6 +212,7 @@ def cluster_table(cluster):
     cluster.create_database("packed")
     with connect(cluster.dsn("packed")) as connection:
         connection.execute("create table states (track_id bigint, stamp timestamptz, x_m float8, y_m float8,"
-                           " z_m float8, std_m real, is_last boolean)")  # fmt: skip
+                           " z_m float8, std_m real, is_last boolean, heading_rad real, speed_mps real,"
+                           " length_m real, width_m real)")  # fmt: skip
     yield cluster.dsn("packed")
     cluster.drop_database("packed")

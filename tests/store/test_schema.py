@@ -77,6 +77,7 @@ def test_versions_are_those_of_alembic() -> None:
     scripts = ScriptDirectory(str(schema_folder("migrations")))
     assert scripts.get_current_head() == head_version()
     assert [s.down_revision for s in scripts.walk_revisions()] == [
+        "0007",
         "0006",
         "0005",
         "0004",

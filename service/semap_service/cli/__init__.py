@@ -13,6 +13,7 @@ from semap_service.cli import (
     concepts,
     database,
     demo,
+    evaluate,
     event_log,
     events,
     ingest,
@@ -20,7 +21,9 @@ from semap_service.cli import (
     processes,
     queries,
     recompute,
+    recording,
     rules,
+    simulate,
 )
 
 HELP = """
@@ -57,12 +60,15 @@ def commands() -> typer.Typer:
     app.add_typer(maps.commands(), name="map")
     app.add_typer(concepts.commands(), name="concept")
     app.add_typer(ingest.commands(), name="ingest")
+    app.add_typer(recording.commands(), name="recording")
     app.command("events")(events.events)
     app.add_typer(queries.commands(), name="query")
     app.add_typer(rules.commands(), name="rule")
     app.command("recompute")(recompute.recompute)
     app.add_typer(event_log.log_commands(), name="log")
     app.add_typer(event_log.plot_commands(), name="plot")
+    app.add_typer(simulate.commands(), name="simulate")
+    app.add_typer(evaluate.commands(), name="evaluate")
     app.command("work")(processes.work)
     app.command("serve")(processes.serve)
     app.add_typer(database.commands(), name="db")

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,12 +51,13 @@ def demo(
     from semap_service.demo.scenes import scenes  # noqa: PLC0415
     from semap_service.port import free_port, require_free  # noqa: PLC0415
     from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
+    from semap_service.temporary_server import temporary_server  # noqa: PLC0415
 
     port = port or free_port()
     require_free("127.0.0.1", port)
     typer.echo("1. A PostGIS server of its own, in a temporary folder ...")
     started_s = time.monotonic()
-    with _server() as dsn, Supervisor(dsn) as supervisor:
+    with temporary_server("demo") as dsn, Supervisor(dsn) as supervisor:
         typer.echo(f"   up after {time.monotonic() - started_s:.1f} s, schema migrated.")
         supervisor.start("work")
         supervisor.start("serve", "--port", str(port))
@@ -75,22 +72,6 @@ def demo(
             stop = stop_signal()
             while not stop.wait(CHECK_S):
                 supervisor.check()
-
-
-@contextmanager
-def _server() -> Iterator[str]:
-    from semap.cluster import lease  # noqa: PLC0415
-    from semap.store.schema import migrate  # noqa: PLC0415
-
-    folder = Path(tempfile.mkdtemp(prefix="semap-demo-"))
-    folder.chmod(0o711)
-    try:
-        with lease(folder) as cluster:
-            cluster.create_database("demo")
-            migrate(cluster.dsn("demo"))
-            yield cluster.dsn("demo")
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -15,10 +16,12 @@ MIRROR_WAIT_S = 10.0
 
 def commands() -> typer.Typer:
     app = typer.Typer(
-        no_args_is_help=True, help="Bring in what was seen: recordings of tracks, states of objects."
+        no_args_is_help=True,
+        help="Bring in what was seen: tracks, states of objects, recordings of cameras and lasers.",
     )
     app.command("tracks")(tracks)
     app.command("objects")(objects)
+    app.command("recording")(recording)
     return app
 
 
@@ -194,3 +197,77 @@ def objects(
     typer.echo(f"{counted(added, 'state')} of objects written to map {map_name}.")
     if added < len(states):
         typer.echo(f"{len(states) - added} were there before.")
+
+
+def recording(
+    file: Annotated[Path, typer.Argument(help="ROS 1 bag, ROS 2 folder (sqlite3 or MCAP), or MCAP file.")],
+    map_name: Annotated[str, typer.Option("--map", help="The map in which the sensors stood.")],
+    source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
+    camera_model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Detector of persons in images (ONNX: YOLO v4 to v11, YOLOX, FastestDet, RT-DETR, ...)."
+            " Without one, images are not looked at."
+        ),
+    ] = None,
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="PART=TOPIC, where types do not tell: scan, image, camera_info, boxes, poses, transforms,"
+            " odometry. PART= leaves it out. More than once."
+        ),
+    ] = None,
+    frame: Annotated[str, typer.Option(help="Frame of the recording that is the map's.")] = "map",
+    floor_z: Annotated[float, typer.Option(help="Height of the floor in that frame [m].")] = 0.0,
+    images_hz: Annotated[float | None, typer.Option(help="Look at so many images a second.", min=0.1)] = None,
+    cuda: Annotated[
+        bool, typer.Option("--cuda", help="Run the detector on a GPU (onnxruntime-gpu).")
+    ] = False,
+    realtime: Annotated[
+        float | None, typer.Option(help="Play at the recording's pace times this factor.", min=0.001)
+    ] = None,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Find persons and doors in a recording of a camera and a 2D laser, and write them to the database.
+
+    Persons become tracks; what doors with a leaf do becomes states of them. Transforms (tf) must lead from
+    the sensors to the map's frame. `semap recording info FILE` lists what a recording holds. Started again
+    after a crash it goes on where it was.
+    """
+    from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
+
+    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+
+    parts = {}
+    for each in topic or ():
+        part, is_pair, name = each.partition("=")
+        if not is_pair:
+            raise InvalidInput(f"{each!r} names no topic", "Write it as scan=/front/scan.", "--topic")
+        parts[part] = name
+    plan = Plan(
+        map_name=map_name,
+        source=source or file.stem,
+        path=file,
+        speed=realtime,
+        topics=parts,
+        map_frame=frame,
+        floor_z_m=floor_z,
+        image_model=camera_model,
+        providers=("CUDAExecutionProvider", "CPUExecutionProvider") if cuda else ("CPUExecutionProvider",),
+        images_hz=images_hz,
+    )
+    with database(dsn) as opened, progress_bar("tenths of a second", quiet=as_json) as advance:
+        done = ingest_recording(opened, plan, advance)
+    if as_json:
+        print_json(asdict(done))
+        return
+    if done.resumed_at:
+        typer.echo(f"{done.resumed_at} results had been written before.")
+    typer.echo(
+        f"{done.length_s:.0f} s with {done.records} records: {done.states} states of"
+        f" {counted(done.tracks, 'person')} and {done.lines} lines written to map {map_name}."
+    )
+    for why, count in done.left_out.items():
+        typer.echo(f"  left out: {counted(count, 'record')}: {why}", err=True)

@@ -1,0 +1,1 @@
+"""Persons from what a camera and a laser saw at one moment."""

@@ -1,0 +1,286 @@
+"""Whether a model's outputs can be of a layout, and how likely they are.
+
+Each layout has two questions, asked of the evidence: `arrange` says in which order its decoder takes the
+outputs, or None where their shapes, types and names cannot be of that layout; `likely` weighs what else is
+known: how many cells the grids of an input of this size have, words in names, metadata that only some
+exporters write. Values are never looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from semap_ingest.image.dense import PYRAMIDS, places, pyramid_of
+from semap_ingest.image.heads import DarknetHead
+from semap_ingest.image.tensor import Tensor
+
+MOST_QUERIES = 1000
+COCO_CLASSES = 80
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a model.
+
+    outputs          with the shapes that they had in a first run
+    class_count      of the names that were given or are in the metadata; None: there are none
+    has_sizes_input  it asks for the image's size, to scale boxes by itself
+    """
+
+    outputs: tuple[Tensor, ...]
+    input_px: tuple[int, int]
+    class_count: int | None = None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    has_sizes_input: bool = False
+
+    @property
+    def only_list(self) -> tuple[int, int] | None:
+        """The last two sizes of the one output of shape (1, a, b)."""
+        sizes = [output.sizes for output in self.outputs]
+        if not (sizes and len(sizes[0]) == 3 and sizes[0][0] == 1):
+            return None
+        # A segmentation model adds prototypes of masks, which nobody here wants.
+        if len(sizes) > 1 and not (self.metadata.get("task") == "segment" and len(sizes) == 2):
+            return None
+        return sizes[0][1], sizes[0][2]
+
+    @property
+    def is_rtdetr(self) -> bool:
+        return "rtdetr" in self.metadata.get("description", "").lower().replace("-", "")
+
+    def anchors_per_cell(self, count: int) -> int:
+        """1 or 3 where `count` is so many for each cell of grids that fit the input; else 0."""
+        if pyramid_of(count, self.input_px):
+            return 1
+        several = [strides for strides in PYRAMIDS if len(strides) > 1]
+        return 3 if any(3 * places(strides, self.input_px) == count for strides in several) else 0
+
+    def may_be_queries(self, count: int) -> bool:
+        return count <= MOST_QUERIES and not self.anchors_per_cell(count)
+
+    def allows(self, class_count: int) -> bool:
+        return class_count >= 1 and self.class_count in (None, class_count)
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """order: which outputs the decoder takes; class_count: None where shapes do not tell"""
+
+    order: tuple[int, ...]
+    class_count: int | None
+
+
+Arrange = Callable[[Evidence], Arrangement | None]
+Likely = Callable[[Evidence], bool]
+
+
+def always(_: Evidence) -> bool:
+    return True
+
+
+def rows_with(before_classes: int) -> Arrange:
+    """(1, n, before_classes + classes)"""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = evidence.only_list
+        if sizes is None or not evidence.allows(sizes[1] - before_classes):
+            return None
+        return Arrangement((0,), sizes[1] - before_classes)
+
+    return arrange
+
+
+def cell_rows_with(before_classes: int) -> Arrange:
+    """The same, with a row for each cell of grids that fit the input."""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = evidence.only_list
+        if sizes is None or not pyramid_of(sizes[0], evidence.input_px):
+            return None
+        return rows_with(before_classes)(evidence)
+
+    return arrange
+
+
+def class_columns(evidence: Evidence) -> Arrangement | None:
+    """(1, 4 + classes, n), or more than that where metadata say that masks or key points follow."""
+    sizes = evidence.only_list
+    if sizes is None:
+        return None
+    more_follow = evidence.metadata.get("task") in ("segment", "pose")
+    if more_follow and evidence.class_count and sizes[0] > 4 + evidence.class_count:
+        return Arrangement((0,), evidence.class_count)
+    return Arrangement((0,), sizes[0] - 4) if evidence.allows(sizes[0] - 4) else None
+
+
+def row_of(columns: int) -> Arrange:
+    """(1, n, columns)"""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = evidence.only_list
+        return Arrangement((0,), None) if sizes and sizes[1] == columns else None
+
+    return arrange
+
+
+def flat_rows_of(columns: int) -> Arrange:
+    """(n, columns)"""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = [output.sizes for output in evidence.outputs]
+        fits = len(sizes) == 1 and len(sizes[0]) == 2 and sizes[0][1] == columns
+        return Arrangement((0,), None) if fits else None
+
+    return arrange
+
+
+def one_map(evidence: Evidence) -> Arrangement | None:
+    """(1, 5 + classes, h, w), with more than one cell"""
+    sizes = [output.sizes for output in evidence.outputs]
+    if not (len(sizes) == 1 and len(sizes[0]) == 4 and sizes[0][0] == 1 and sizes[0][2] * sizes[0][3] > 1):
+        return None
+    class_count = sizes[0][1] - 5
+    return Arrangement((0,), class_count) if evidence.allows(class_count) else None
+
+
+def darknet_maps(heads: Sequence[DarknetHead]) -> Arrange:
+    """(1, anchors * (5 + classes), h, w) for each head, in any order; the strides tell which is which."""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = [output.sizes for output in evidence.outputs]
+        with_grid = {s[2:]: i for i, s in enumerate(sizes) if len(s) == 4 and s[0] == 1}
+        width, height = evidence.input_px
+        grids = [(-(-height // head.stride), -(-width // head.stride)) for head in heads]
+        order = tuple(with_grid[grid] for grid in grids if grid in with_grid)
+        if not len(sizes) == len(heads) == len(order):
+            return None
+        channels = {sizes[i][1] / len(head.anchors_px) for i, head in zip(order, heads, strict=True)}
+        class_count = channels.pop() - 5
+        if channels or not class_count.is_integer() or not evidence.allows(int(class_count)):
+            return None
+        return Arrangement(order, int(class_count))
+
+    return arrange
+
+
+def boxes_and_classes(evidence: Evidence) -> Arrangement | None:
+    """Boxes (1, n, 4) or (1, n, 1, 4), and (1, n, classes), in any order."""
+    if len(evidence.outputs) != 2:
+        return None
+    for boxes, classes in ((0, 1), (1, 0)):
+        box, score = evidence.outputs[boxes].sizes, evidence.outputs[classes].sizes
+        is_named_so = "box" in evidence.outputs[boxes].name or "box" not in evidence.outputs[classes].name
+        if (
+            is_named_so
+            and len(score) == 3
+            and box in ((1, score[1], 4), (1, score[1], 1, 4))
+            and evidence.allows(score[2])
+        ):
+            return Arrangement((boxes, classes), score[2])
+    return None
+
+
+def named(*words: Sequence[str], asks_for_sizes: bool = False) -> Arrange:
+    """One output for each of `words`, with one of them in its name.
+
+    TensorFlow's are called so too (detection_boxes), and hold something else.
+    """
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        names = [output.name.lower() for output in evidence.outputs]
+        hits = [[i for i, name in enumerate(names) if any(word in name for word in role)] for role in words]
+        order = tuple(hit[0] for hit in hits if len(hit) == 1)
+        if len(names) != len(words) or len(set(order)) != len(words) or "detection_" in " ".join(names):
+            return None
+        return Arrangement(order, None) if evidence.has_sizes_input == asks_for_sizes else None
+
+    return arrange
+
+
+def boxes_scores_selected(evidence: Evidence) -> Arrangement | None:
+    """(1, n, 4), (1, classes, n), and whole numbers (k, 3)."""
+    sizes = [output.sizes for output in evidence.outputs]
+    selected = [
+        i
+        for i, o in enumerate(evidence.outputs)
+        if len(o.sizes) == 2 and o.sizes[1] == 3 and o.type.startswith("int")
+    ]
+    lists = [i for i, s in enumerate(sizes) if len(s) == 3 and s[0] == 1]
+    if len(sizes) != 3 or len(selected) != 1 or len(lists) != 2:
+        return None
+    for boxes, scores in (lists, lists[::-1]):
+        if sizes[boxes][2] == 4 and sizes[scores][2] == sizes[boxes][1] and evidence.allows(sizes[scores][1]):
+            return Arrangement((boxes, scores, selected[0]), sizes[scores][1])
+    return None
+
+
+def likely_rows(before_classes: int, *anchors: int, or_long: bool = False) -> Likely:
+    """A list of so many `anchors` for each cell; `or_long`: or one of no grid that is too long for queries.
+
+    Where no class names are known, 84 and 85 columns are those of COCO.
+    """
+
+    def likely(evidence: Evidence) -> bool:
+        count, columns = evidence.only_list or (0, 0)
+        is_coco = evidence.class_count is None and columns in (COCO_CLASSES + 4, COCO_CLASSES + 5)
+        if evidence.is_rtdetr or (is_coco and columns != COCO_CLASSES + before_classes):
+            return False
+        per_cell = evidence.anchors_per_cell(count)
+        return per_cell in anchors or (or_long and per_cell == 0 and count > MOST_QUERIES)
+
+    return likely
+
+
+def likely_yolox(evidence: Evidence) -> bool:
+    """YOLOX's exporter writes no metadata."""
+    return likely_rows(5, 1)(evidence) and not {"names", "stride"} & set(evidence.metadata)
+
+
+def likely_columns(evidence: Evidence) -> bool:
+    columns, count = evidence.only_list or (0, 0)
+    return columns < count and not evidence.is_rtdetr
+
+
+def likely_joined_queries(evidence: Evidence) -> bool:
+    """Six columns are taken for corners, score and class unless metadata say otherwise."""
+    count, columns = evidence.only_list or (0, 0)
+    if evidence.is_rtdetr:
+        return True
+    is_coco_with_objectness = evidence.class_count is None and columns == COCO_CLASSES + 5
+    return columns < count and columns != 6 and not is_coco_with_objectness and evidence.may_be_queries(count)
+
+
+def likely_suppressed_rows(evidence: Evidence) -> bool:
+    """With a number of classes for which six columns can be nothing else, or too few rows for a grid."""
+    count, columns = evidence.only_list or (0, 0)
+    if evidence.metadata.get("end2end", "").lower() == "true":
+        return True
+    if evidence.class_count is not None and evidence.class_count not in (columns - 4, columns - 5):
+        return True
+    return evidence.may_be_queries(count) and not evidence.is_rtdetr
+
+
+def likely_yolov4(evidence: Evidence) -> bool:
+    sizes = [output.sizes for output in evidence.outputs]
+    return any(len(s) == 4 or evidence.anchors_per_cell(s[1]) == 3 for s in sizes)
+
+
+def likely_queries(words: Sequence[str], others: Sequence[str]) -> Likely:
+    """Few boxes, and an output whose name holds one of `words`, or none of `others` either."""
+
+    def likely(evidence: Evidence) -> bool:
+        names = " ".join(output.name.lower() for output in evidence.outputs)
+        says_so = any(word in names for word in words)
+        says_otherwise = any(word in names for word in others)
+        count = evidence.outputs[0].sizes[1]
+        short = count <= MOST_QUERIES and evidence.anchors_per_cell(count) != 3
+        flat = all(len(output.sizes) == 3 for output in evidence.outputs)
+        return short and flat and (says_so or not says_otherwise)
+
+    return likely
+
+
+def likely_stride_16(evidence: Evidence) -> bool:
+    height, width = evidence.outputs[0].sizes[2:]
+    return (width, height) == tuple(-(-side // 16) for side in evidence.input_px)

@@ -1,0 +1,1 @@
+"""Persons' legs in a 2D scan: clusters, their geometric features, a classifier, pairs of legs."""

@@ -1,0 +1,160 @@
+"""Images and camera models, out of sensor_msgs/Image, CompressedImage and CameraInfo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semap_ingest.recording.header import frame_name, stamp_us
+from semap_ingest.recording.passed_over import Unusable
+from semap_ingest.sensing.image import Camera, CompressedImage, Image
+
+Model = Literal["plumb_bob", "rational_polynomial", "equidistant"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How an encoding of sensor_msgs/image_encodings.hpp lies in memory.
+
+    red_green_blue  which channel each colour is taken from
+    yuv             OpenCV's name of the conversion, where the channels are no colours
+    """
+
+    bytes: int
+    channels: int
+    red_green_blue: tuple[int, int, int] = (0, 1, 2)
+    yuv: str = ""
+
+
+GREY, REVERSED = (0, 0, 0), (2, 1, 0)
+LAYOUTS: Mapping[str, Layout] = {
+    "rgb8": Layout(1, 3),
+    "rgba8": Layout(1, 4),
+    "bgr8": Layout(1, 3, REVERSED),
+    "bgra8": Layout(1, 4, REVERSED),
+    "mono8": Layout(1, 1, GREY),
+    "8uc1": Layout(1, 1, GREY),
+    "8uc3": Layout(1, 3, REVERSED),  # OpenCV's own order, as cv_bridge takes it
+    "8uc4": Layout(1, 4, REVERSED),
+    "rgb16": Layout(2, 3),
+    "rgba16": Layout(2, 4),
+    "bgr16": Layout(2, 3, REVERSED),
+    "bgra16": Layout(2, 4, REVERSED),
+    "mono16": Layout(2, 1, GREY),
+    "yuv422": Layout(1, 2, yuv="COLOR_YUV2RGB_UYVY"),
+    "uyvy": Layout(1, 2, yuv="COLOR_YUV2RGB_UYVY"),
+    "yuv422_yuy2": Layout(1, 2, yuv="COLOR_YUV2RGB_YUYV"),
+    "yuyv": Layout(1, 2, yuv="COLOR_YUV2RGB_YUYV"),
+}
+
+LENGTHS: Mapping[str, tuple[Model, tuple[int, ...]]] = {
+    "": ("plumb_bob", (4, 5)),
+    "plumb_bob": ("plumb_bob", (4, 5)),
+    "rational_polynomial": ("rational_polynomial", (8, 12, 14)),
+    "equidistant": ("equidistant", (4,)),
+    "fisheye": ("equidistant", (4,)),
+}
+"""By name in CameraInfo: the model, and how many coefficients it may have."""
+
+
+def decode_image(message: Any, log_us: int) -> Image:
+    """The picture with red first; of 16 bits the upper 8 are kept.
+
+    raises  Unusable for an encoding that is not among LAYOUTS, or fewer bytes than rows need
+    """
+    layout = LAYOUTS.get(message.encoding.lower())
+    if layout is None:
+        raise Unusable(f"the encoding {message.encoding!r} is not one of {', '.join(LAYOUTS)}")
+    stored = _stored(message, layout)
+    pixels = _from_yuv(stored, layout.yuv) if layout.yuv else _picked(stored, layout)
+    return Image(stamp_us(message.header.stamp, log_us), frame_name(message.header.frame_id), pixels)
+
+
+def decode_compressed_image(message: Any, log_us: int) -> CompressedImage:
+    """raises Unusable for a compressed depth image, which has a header of its own before the PNG"""
+    if "compresseddepth" in message.format.lower():
+        raise Unusable("a compressed depth image, which has no colours")
+    if len(message.data) == 0:
+        raise Unusable("an image of no bytes")
+    return CompressedImage(
+        stamp_us(message.header.stamp, log_us), frame_name(message.header.frame_id), message.data.tobytes()
+    )
+
+
+def decode_camera(message: Any, _: int) -> Camera:
+    """The model of the images as they come, at all times: binning and region of interest are worked into it.
+
+    raises  Unusable for a camera that is not calibrated, or a distortion that semap does not know
+    """
+    matrix = np.array(_either(message, "k", "K"), np.float64).reshape(3, 3)
+    distortion = np.array(_either(message, "d", "D"), np.float64)
+    if not (np.isfinite(matrix).all() and np.isfinite(distortion).all() and matrix[0, 0] > 0 < matrix[1, 1]):
+        raise Unusable("the camera is not calibrated: its matrix K has no focal length")
+    model: Model = "plumb_bob"
+    if distortion.any():
+        model = _model(message.distortion_model, len(distortion))
+    else:
+        distortion = np.zeros(0)
+    area, binning = message.roi, np.maximum((message.binning_x, message.binning_y), 1)
+    size = np.array([area.width or message.width, area.height or message.height]) // binning
+    if not size.all():
+        raise Unusable("the camera's images have no size")
+    matrix[:2, 2] -= area.x_offset, area.y_offset
+    matrix[:2] /= binning[:, None]
+    return Camera(frame_name(message.header.frame_id), int(size[0]), int(size[1]), matrix, distortion, model)
+
+
+def _stored(message: Any, layout: Layout) -> NDArray[Any]:
+    """(height, width, channels) of the message's bytes, which rows may fill only in part."""
+    height, width, step = message.height, message.width, message.step
+    row = width * layout.channels * layout.bytes
+    if not (height and width):
+        raise Unusable("an image without pixels")
+    if step < row or len(message.data) < (height - 1) * step + row:
+        raise Unusable(
+            f"{len(message.data)} bytes in rows of {step} for {width}x{height} pixels of {message.encoding}"
+        )
+    kind = np.dtype(f"{'>' if message.is_bigendian else '<'}u{layout.bytes}")
+    return np.ndarray(
+        (height, width, layout.channels),
+        kind,
+        message.data,
+        strides=(step, layout.channels * layout.bytes, layout.bytes),
+    )
+
+
+def _picked(stored: NDArray[Any], layout: Layout) -> NDArray[np.uint8]:
+    """Red, green and blue; the bytes of the message themselves where they lie so already."""
+    if layout == LAYOUTS["rgb8"]:
+        return np.ascontiguousarray(stored)
+    pixels = np.empty((*stored.shape[:2], 3), np.uint8)
+    for colour, channel in enumerate(layout.red_green_blue):  # several times as fast as all at once
+        pixels[..., colour] = stored[..., channel] if layout.bytes == 1 else stored[..., channel] >> 8
+    return pixels
+
+
+def _from_yuv(stored: NDArray[np.uint8], conversion: str) -> NDArray[np.uint8]:
+    if stored.shape[1] % 2:
+        raise Unusable("two pixels share their colour in YUV 4:2:2, and this image has an odd width")
+    try:
+        import cv2  # noqa: PLC0415
+    except ImportError as error:
+        raise Unusable("converting YUV needs OpenCV: pip install 'semap[perception]'") from error
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(stored), getattr(cv2, conversion)), np.uint8)
+
+
+def _model(name: str, length: int) -> Model:
+    model, lengths = LENGTHS.get(name, (None, ()))
+    if model is None:
+        raise Unusable(f"the distortion model {name!r} is not one of {', '.join(get_args(Model))}")
+    if length not in lengths:
+        raise Unusable(f"the distortion model {name!r} with {length} coefficients")
+    return model
+
+
+def _either(message: Any, ros2: str, ros1: str) -> Any:
+    return getattr(message, ros2) if hasattr(message, ros2) else getattr(message, ros1)

@@ -1,0 +1,110 @@
+"""From a message of ROS 1 or 2 to a value of `sensing`: one table says which type becomes what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semap_ingest.recording import camera_message, cloud_message, detection_message
+from semap_ingest.recording.header import frame_name, stamp_us
+from semap_ingest.recording.passed_over import Flaw, Unusable
+from semap_ingest.sensing.boxes import Boxes
+from semap_ingest.sensing.image import Camera, CompressedImage, Image
+from semap_ingest.sensing.scan import Cloud, Scan
+from semap_ingest.sensing.transform import PersonPoses, Transform
+
+Value = Scan | Cloud | Image | CompressedImage | Camera | Transform | PersonPoses | Boxes
+
+SHORTEST_QUATERNION = 1e-3
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a message does not say about itself.
+
+    is_static       the transforms of its topic hold at all times
+    person_classes  lower-case names of classes that say person
+    """
+
+    is_static: bool
+    person_classes: frozenset[str]
+
+
+Decoder = Callable[[Any, int, Surroundings], Iterable[Value | Flaw]]
+"""From a message, and when it was written down [us since 1970]. Raises Unusable."""
+
+
+def _alone(decode: Callable[[Any, int], Value]) -> Decoder:
+    """The decoder of a message that becomes one value and needs no surroundings."""
+    return lambda message, log_us, _: (decode(message, log_us),)
+
+
+def _scan(message: Any, log_us: int) -> Scan:
+    header = message.header
+    if not (math.isfinite(message.angle_min) and math.isfinite(message.angle_increment)):
+        raise Unusable(f"angles from {message.angle_min} in steps of {message.angle_increment}")
+    return Scan(
+        stamp_us(header.stamp, log_us),
+        frame_name(header.frame_id),
+        message.angle_min,
+        message.angle_increment,
+        message.range_min,
+        message.range_max,
+        np.array(message.ranges, np.float32),  # of its own: the message's bytes may lie at any address
+    )
+
+
+def _transforms(message: Any, log_us: int, surroundings: Surroundings) -> Iterator[Value | Flaw]:
+    """A bad one does not spoil its neighbours."""
+    for each in message.transforms:
+        pose = each.transform
+        try:
+            found: Value | Flaw = _transform(
+                each, log_us, pose.translation, pose.rotation, surroundings.is_static
+            )
+        except Unusable as error:
+            found = error.flaw
+        yield found
+
+
+def _odometry(message: Any, log_us: int) -> Transform:
+    pose = message.pose.pose
+    return _transform(message, log_us, pose.position, pose.orientation, is_static=False)
+
+
+def _transform(message: Any, log_us: int, place: Any, turn: Any, is_static: bool) -> Transform:
+    parent, child = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
+    if not parent or not child or parent == child:
+        raise Unusable(f"a transform from {child!r} to {parent!r}")
+    translation_m = np.array([place.x, place.y, place.z], np.float64)
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w], np.float64)
+    length = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if not (np.isfinite(translation_m).all() and SHORTEST_QUATERNION < length < math.inf):
+        raise Unusable(f"from {child!r} to {parent!r}: {translation_m} m, quaternion {quaternion}")
+    stamp = stamp_us(message.header.stamp, log_us)
+    return Transform(stamp, parent, child, translation_m, quaternion / length, is_static)
+
+
+def _persons(message: Any, log_us: int, surroundings: Surroundings) -> Iterator[Value | Flaw]:
+    return detection_message.decode_persons(message, log_us, surroundings.person_classes)
+
+
+DECODERS: Mapping[str, Decoder] = {
+    "sensor_msgs/msg/LaserScan": _alone(_scan),
+    "sensor_msgs/msg/PointCloud2": _alone(cloud_message.decode_cloud),
+    "sensor_msgs/msg/Image": _alone(camera_message.decode_image),
+    "sensor_msgs/msg/CompressedImage": _alone(camera_message.decode_compressed_image),
+    "sensor_msgs/msg/CameraInfo": _alone(camera_message.decode_camera),
+    "tf2_msgs/msg/TFMessage": _transforms,
+    "tf/msg/tfMessage": _transforms,
+    "nav_msgs/msg/Odometry": _alone(_odometry),
+    "geometry_msgs/msg/PoseStamped": _alone(detection_message.decode_pose),
+    "geometry_msgs/msg/PoseArray": _alone(detection_message.decode_pose_array),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _alone(detection_message.decode_uncertain_pose),
+    "vision_msgs/msg/Detection2DArray": _alone(detection_message.decode_boxes),
+    "vision_msgs/msg/Detection3DArray": _persons,
+}

@@ -1,0 +1,1 @@
+"""A made-up office and a robot in it: recordings whose truth is known."""

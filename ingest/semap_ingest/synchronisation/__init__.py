@@ -1,0 +1,1 @@
+"""Records of two sensors brought together by event time."""

@@ -1,0 +1,132 @@
+"""Which detection is of which track: by place, by how credible each is, and by the image track.
+
+The cost of a pair is minus twice the log of how much more likely it is that the detection is of the
+track's person than that the person was missed and the detection is of somebody new, or of nobody
+(Blackman and Popoli 1999, ch. 6):
+
+    detected * N(position) * score
+        against  (1 - detected) * (new_per_m2 * score + false_per_m2 * (1 - score))
+
+with N the normal density where the track is expected. The longer a person was not seen, the less likely
+it is that it is seen now. Odds of the image track come on top. Where the cost is not below zero, or the
+detection outside of the gate, no pair is made.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semap_ingest.sensing.detections import Detections
+from semap_ingest.tracking.assignment import Indices, assign
+from semap_ingest.tracking.deletion import Patience
+from semap_ingest.tracking.kalman import distances
+from semap_ingest.tracking.map_tracks import MapTracks
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Association:
+    """What decides between tracks.
+
+    gate                   Mahalanobis distance squared, 0.999 of chi-square with two degrees of freedom
+    new_per_m2             persons in a frame that no track knows
+    false_per_m2           detections in a frame of what is no person
+    confirmed, unconfirmed probability that the person of such a track, seen just now, is detected
+    hidden_s               time unseen in which that falls to 1/e
+    same_image_track       log odds when the detection has the image track that the track had
+    other_image_track      log odds, against, when it has another one
+    taken_image_track      log odds, against, when another track had it
+    rival_margin           two tracks were rivals where exchanging their detections, or giving the one's to
+                           the other that has none, would have cost at most so much more, by place alone
+    """
+
+    gate: float = 13.8
+    new_per_m2: float = 0.02
+    false_per_m2: float = 0.1
+    confirmed: float = 0.9
+    unconfirmed: float = 0.45
+    hidden_s: float = 1.5
+    same_image_track: float = 3.0
+    other_image_track: float = 1.0
+    taken_image_track: float = 2.0
+    rival_margin: float = 14.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Rows of tracks and of the detections that are theirs, and which tracks could be mistaken.
+
+    rivals  (r, 2) rows of tracks; the first has a detection, for which no image track spoke
+    """
+
+    track: Indices
+    detection: Indices
+    rivals: Indices
+
+
+def associate(
+    tracks: MapTracks,
+    detections: Detections,
+    covariance_m2: Floats,
+    settings: Association,
+    patience: Patience,
+) -> Pairs:
+    """Pairs of tracks and detections.
+
+    tracks         as they are expected at the stamp of the detections
+    covariance_m2  (n, m, 2, 2) of each detection as a measurement of each track
+    """
+    distance = distances(tracks.motion, detections.position_m, covariance_m2)
+    unseen_us = detections.stamp_us - tracks.seen_us
+    has_image = (tracks.image_track >= 0) & (
+        detections.stamp_us - tracks.image_seen_us <= patience.by_image_us
+    )
+    is_same = has_image[:, None] & (tracks.image_track[:, None] == detections.image_track)
+    can_be = (distance.squared <= settings.gate) & ((unseen_us <= patience.confirmed_us)[:, None] | is_same)
+    by_place = np.where(can_be, distance.squared + distance.log_determinant, np.inf)
+    cost = by_place + 2 * math.log(2 * math.pi)
+    cost -= 2 * _detection_log_odds(tracks, unseen_us, settings)[:, None]
+    cost -= 2 * np.log(_person_odds(detections.score, settings))
+    cost -= 2 * _image_log_odds(is_same, has_image, detections.image_track, settings)
+    rows, columns = assign(cost, 0.0)
+    extra = np.where(detections.image_track[columns] < 0, _extra(by_place, rows, columns), np.inf)
+    other, pair = np.nonzero(extra <= settings.rival_margin)
+    return Pairs(rows, columns, np.column_stack([rows[pair], other]))
+
+
+def _detection_log_odds(tracks: MapTracks, unseen_us: Indices, settings: Association) -> Floats:
+    """(n,) that the person is detected rather than missed"""
+    at_once = np.where(tracks.is_confirmed, settings.confirmed, settings.unconfirmed)
+    log_detected = np.log(at_once) - unseen_us / (settings.hidden_s * 1e6)
+    return np.asarray(log_detected - np.log1p(-np.exp(log_detected)), np.float64)
+
+
+def _person_odds(score: Floats, settings: Association) -> Floats:
+    """(m,) of its being of a known person rather than of a new one or nobody [m^2]"""
+    others_per_m2 = settings.new_per_m2 * score + settings.false_per_m2 * (1 - score)
+    return np.asarray(np.maximum(score, 1e-6) / others_per_m2, np.float64)
+
+
+def _image_log_odds(
+    is_same: NDArray[np.bool_], has_image: NDArray[np.bool_], image_track: Indices, settings: Association
+) -> Floats:
+    """(n, m)"""
+    differs = has_image[:, None] & (image_track >= 0) & ~is_same
+    is_taken = is_same.any(axis=0) & ~is_same
+    log_odds = settings.same_image_track * is_same - settings.other_image_track * differs
+    return np.asarray(log_odds - settings.taken_image_track * is_taken, np.float64)
+
+
+def _extra(by_place: Floats, rows: Indices, columns: Indices) -> Floats:
+    """(n, k) how much more it would cost if track n had the detection of pair k, and the track of that pair
+    what n has, if anything; infinite for itself.
+    """
+    extra = by_place[:, columns] - by_place[rows, columns]
+    extra[rows] += extra[rows].T
+    extra[rows, np.arange(len(rows))] = np.inf
+    return extra

@@ -1,0 +1,79 @@
+"""semap evaluate"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PARTS = ("detection", "seeds", "delays", "throughput", "tracking", "repeat", "scans")
+PEOPLE = (1, 5, 10, 20)
+
+
+def commands() -> typer.Typer:
+    app = typer.Typer(no_args_is_help=True, help="How well it works, on recordings whose truth is known.")
+    app.command("office")(office)
+    app.callback()(_nothing)
+    return app
+
+
+def office(
+    part: Annotated[
+        list[str] | None,
+        typer.Argument(help=f"What to evaluate: {', '.join(PARTS)}. [default: detection, throughput]"),
+    ] = None,
+    folder: Annotated[
+        Path, typer.Option("--out", help="Folder for the figures (JSON) and pictures (PNG).")
+    ] = Path("evaluation"),
+    seeds: Annotated[int, typer.Option(help="So many other seeds.", min=1)] = 20,
+    plays: Annotated[
+        int,
+        typer.Option(
+            help="So many plays in real time for the delays, at each of two rates of images.", min=1
+        ),
+    ] = 25,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of the real data sets, for `scans` (laser_people/).")
+    ] = None,
+) -> None:
+    """Play recordings of the simulated office through all of semap, and compare events with labels.
+
+    The office is a made-up floor with people who change rooms and open doors; its recording (camera, laser,
+    tf) is made at first use and kept in the cache. PostGIS, the rule worker and all else run for it alone.
+    One play takes half a minute, in real time (delays, repeat) one and a half.
+    """
+    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+    from semap_service.evaluation.office import Stage, evaluate  # noqa: PLC0415
+    from semap_service.evaluation.report import table, write  # noqa: PLC0415
+    from semap_service.supervisor import Supervisor  # noqa: PLC0415
+    from semap_service.temporary_server import temporary_server  # noqa: PLC0415
+
+    chosen = part or ["detection", "throughput"]
+    for each in chosen:
+        if each not in PARTS:
+            raise InvalidInput(f"there is no part {each}", f"Choose from {', '.join(PARTS)}.")
+    failed = []
+    with temporary_server("evaluate") as dsn, Supervisor(dsn) as supervisor:
+        supervisor.start("work")
+        for name in chosen:
+            typer.echo(f"{name} ...")
+            with progress_bar("frames of the recording") as advance:
+                stage = Stage(dsn, lambda line: typer.echo(line, err=True), advance)
+                report = evaluate(stage, name, seeds=seeds, plays=plays, people=PEOPLE, data=data)
+            typer.echo(f"\n{name} (aim: {report.aim}): {'holds' if report.holds else 'DOES NOT HOLD'}")
+            typer.echo(table(report.rows))
+            for line in report.details:
+                typer.echo(f"  {line}")
+            written = write(report, folder)
+            typer.echo(f"  written: {', '.join(str(path) for path in written)}\n")
+            if not report.holds:
+                failed.append(name)
+    if failed:
+        typer.echo(f"Short of the aim: {', '.join(failed)}.", err=True)
+        raise typer.Exit(1)
+
+
+def _nothing() -> None:
+    """Keep the name of the command even while there is but one."""

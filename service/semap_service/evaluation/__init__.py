@@ -1,0 +1,1 @@
+"""How well it works: recordings whose truth is known, and what is made of them."""

@@ -1,0 +1,161 @@
+"""A recording played through all of semap: what came out of it, and when."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from threading import Event as Signal
+from threading import Thread
+
+import psycopg
+from semap_ingest.pipeline.ingest_recording import Ingested, Plan, ingest_recording
+from semap_ingest.pipeline.meter import Meter, no_meter
+
+from semap.errors import DatabaseError
+from semap.rules.language.reading import read_declaration
+from semap.store.database import connect, one_transaction
+from semap.store.maps import delete_map
+from semap.store.rules import add_rule
+from semap.timeline.stamp import to_us
+from semap_service.map_file import bring_in, read_file
+
+PATIENCE_S = 60.0
+POLL_S = 0.2
+SINCE = """
+    select e.seq, e.event_id, e.type, e.stamp, e.track_name,
+           coalesce(e.measures ->> 'room', e.key ->> 'room', e.instance_name), e.measures
+    from semap.event e join semap.map m using (map_id)
+    where e.seq > %s and m.name = %s order by e.seq
+"""
+
+
+@dataclass(frozen=True)
+class PlayedEvent:
+    """An event as a client sees it.
+
+    place       the room or the door that it is about
+    received_s  when it was here [s, monotonic clock of this machine]
+    """
+
+    seq: int
+    event_id: str
+    type: str
+    stamp_us: int
+    track: str | None
+    place: str
+    measures: Mapping[str, object]
+    received_s: float
+
+
+@dataclass(frozen=True)
+class Played:
+    """took_s  from the first record to the last event"""
+
+    events: tuple[PlayedEvent, ...]
+    ingested: Ingested
+    took_s: float
+
+
+def set_the_stage(dsn: str, map_file: Path, name: str) -> None:
+    """A map of this name from a file, with the rules of the office; one that was there is deleted first."""
+    with one_transaction(dsn, "semap_api") as connection:
+        row = connection.exec_driver_sql("select 1 from semap.map where name = %s", (name,)).first()
+        if row is not None:
+            delete_map(connection, name)
+        bring_in(connection, read_file(map_file), name, name)
+        for text in office_rules():
+            add_rule(connection, name, read_declaration(text))
+
+
+def office_rules() -> list[str]:
+    """Who enters and leaves, what doors do, and what of both belongs together: texts in YAML."""
+    folder = files("semap_service.evaluation") / "office_rules"
+    texts = [each.read_text() for each in folder.iterdir() if each.name.endswith(".yaml")]
+    # what other rules read comes first
+    return sorted(texts)
+
+
+def play(
+    dsn: str, plan: Plan, meter: Meter = no_meter, shown: Callable[[PlayedEvent], None] | None = None
+) -> Played:
+    """Ingest a recording, and gather the events of its map as they are committed."""
+    with listening(dsn, plan.map_name, shown) as events:
+        started_s = time.monotonic()
+        ingested = ingest_recording(dsn, plan, meter=meter)
+        wait_for_rules(dsn)
+    ended_s = max([started_s, *(event.received_s for event in events)])
+    return Played(tuple(events), ingested, ended_s - started_s)
+
+
+@contextmanager
+def listening(
+    dsn: str, map_name: str, shown: Callable[[PlayedEvent], None] | None = None
+) -> Iterator[list[PlayedEvent]]:
+    """The events of a map from now on, as they come; at the end all that are committed are there."""
+    events: list[PlayedEvent] = []
+    over, ready = Signal(), Signal()
+    thread = Thread(target=_listen, args=(dsn, map_name, events, shown, ready, over), daemon=True)
+    thread.start()
+    ready.wait(PATIENCE_S)
+    try:
+        yield events
+    finally:
+        over.set()
+        thread.join()
+
+
+def wait_for_rules(dsn: str) -> None:
+    """Wait until the rule worker has committed all that is in the log now.
+
+    raises  DatabaseError where it does not
+    """
+    deadline_s = time.monotonic() + PATIENCE_S
+    with connect(dsn, "semap_ingest", application="semap evaluate") as connection:
+        (lsn,) = connection.execute("select pg_current_wal_insert_lsn()").fetchone() or ("",)
+        # a change of its own at the end, so that there is something to commit after all others
+        connection.execute("update semap.source set ended = ended")
+        while time.monotonic() < deadline_s:
+            row = connection.execute(
+                "select bool_and(lsn >= %s::pg_lsn) from semap.progress", [lsn]
+            ).fetchone()
+            if row and row[0]:
+                return
+            Signal().wait(POLL_S)
+    raise DatabaseError("The rule worker does not keep up.", "See what `semap work` says.")
+
+
+def _listen(
+    dsn: str,
+    map_name: str,
+    events: list[PlayedEvent],
+    shown: Callable[[PlayedEvent], None] | None,
+    ready: Signal,
+    over: Signal,
+) -> None:
+    with connect(dsn, "semap_read", application="semap evaluate") as connection:
+        connection.execute("listen semap_event")
+        last = _last(connection)
+        ready.set()
+        while True:
+            is_over = over.is_set()
+            for row in connection.execute(SINCE, [last, map_name]).fetchall():
+                seq, event_id, kind, stamp, track, place, measures = row
+                event = PlayedEvent(
+                    seq, str(event_id), kind, to_us(stamp), track, place, measures, time.monotonic()
+                )
+                events.append(event)
+                last = seq
+                if shown is not None:
+                    shown(event)
+            if is_over:
+                return
+            next(iter(connection.notifies(timeout=POLL_S, stop_after=1)), None)
+
+
+def _last(connection: psycopg.Connection) -> int:
+    row = connection.execute("select event_seq from semap.progress").fetchone()
+    return int(row[0]) if row else 0

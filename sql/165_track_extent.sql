@@ -1,0 +1,57 @@
+-- How much room a track takes, and what its tracker had mistaken.
+
+-- The ground that a body covers: an ellipse, its length along the heading; where the heading is not known, the circle
+-- that it does not leave however it turns; null without a measure.
+create or replace function semap.track_footprint(
+  p_x_m double precision, p_y_m double precision, p_heading_rad double precision,
+  p_length_m double precision, p_width_m double precision
+) returns public.geometry
+language sql immutable parallel safe as $$
+  select public.st_affine(
+    'POLYGON ((1 0,0.9238795325112867 0.3826834323650898,0.7071067811865476 0.7071067811865475,
+      0.3826834323650898 0.9238795325112867,0 1,-0.3826834323650897 0.9238795325112867,
+      -0.7071067811865475 0.7071067811865476,-0.9238795325112867 0.3826834323650898,-1 0,
+      -0.9238795325112867 -0.3826834323650897,-0.7071067811865477 -0.7071067811865475,
+      -0.3826834323650904 -0.9238795325112865,0 -1,0.38268343236509 -0.9238795325112866,
+      0.7071067811865474 -0.7071067811865477,0.9238795325112865 -0.3826834323650904,1 0))'::public.geometry,
+    length_m / 2 * cos(heading_rad), -width_m / 2 * sin(heading_rad),
+    length_m / 2 * sin(heading_rad), width_m / 2 * cos(heading_rad), p_x_m, p_y_m)
+  from (select coalesce(p_heading_rad, 0) as heading_rad,
+               case when p_heading_rad is null then greatest(p_length_m, p_width_m)
+                    else coalesce(p_length_m, p_width_m) end as length_m,
+               case when p_heading_rad is null then greatest(p_length_m, p_width_m)
+                    else coalesce(p_width_m, p_length_m) end as width_m) e
+$$;
+comment on function semap.track_footprint is
+  'The ground that a body covers: an ellipse, its length along the heading, or a circle.';
+
+-- Where each track that lives is, and the ground that it covers.
+create or replace view semap.track_present as
+  select t.map_id, t.track_id, k.name as track, t.source_id, n.name as source, t.stamp, t.x_m, t.y_m, t.z_m, t.std_m,
+         t.heading_rad, t.speed_mps, t.length_m, t.width_m,
+         semap.track_footprint(t.x_m, t.y_m, t.heading_rad, t.length_m, t.width_m) as footprint
+  from semap.track_now t
+  join semap.track k using (track_id)
+  join semap.source n on n.source_id = t.source_id
+  where t.live;
+comment on view semap.track_present is
+  'Where each track that lives is, and the ground that it covers.';
+
+-- An amendment is of the map of its tracks, which one source saw.
+create or replace function semap.track_amendment_arrives() returns trigger
+language plpgsql as $$
+begin
+  select k.map_id, k.source_id into new.map_id, new.source_id
+  from semap.track k join semap.track o on o.track_id = new.other_track_id and o.source_id = k.source_id
+  where k.track_id = new.track_id and k.source_id = coalesce(new.source_id, k.source_id);
+  if not found then
+    raise exception 'The tracks % and % are not of one source.', new.track_id, new.other_track_id
+      using errcode = 'foreign_key_violation', hint = 'Name two tracks of the source.';
+  end if;
+  return new;
+end $$;
+comment on function semap.track_amendment_arrives is
+  'An amendment is of the map of its tracks, which one source saw.';
+
+create or replace trigger track_amendment_arrives before insert on semap.track_amendment
+  for each row execute function semap.track_amendment_arrives();
