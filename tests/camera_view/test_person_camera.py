@@ -29,7 +29,8 @@ def test_it_finds_what_its_card_says():
     assert figures.recall >= stated("recall") - 0.06
     assert figures.false_positives_per_image <= stated("false positives per image") + 0.1
     assert figures.average_precision_50 >= stated("average precision, IoU 0.5") - 0.05
-    assert abs(figures.bottom_bias_px) <= abs(stated("lower edge, bias [px]")) + 1.0
+    # three standard errors of some forty persons
+    assert abs(figures.bottom_bias_px - stated("lower edge, bias [px]")) <= 3.0
     assert figures.bottom_std_px <= stated("lower edge, standard deviation [px]") + 2.0
     assert figures.middle_std_px <= stated("middle, standard deviation [px]") + 1.0
 
