@@ -1,21 +1,22 @@
-"""Run all benchmarks: print a table and write bench/results.json.
+"""Run benchmarks: print a table of each and write bench/results.json.
 
-python -m bench [throughput] [latency] [abstractions] [operators] [solid] [rules] [recording]
+python -m bench [NAME ...]    all but those that take long; --help lists them
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import platform
 import shutil
-import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
-from bench import abstractions, latency, operators, recording, rules, solid, throughput
+from bench import abstractions, latency, office, operators, recording, rules, solid, throughput
 from semap.cluster import lease
 from semap.store.schema import migrate
 
@@ -26,11 +27,15 @@ Rows = list[dict[str, object]]
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What it does, what it aims at, and the run on a migrated database of its own."""
+    """What it does, what it aims at, and the run on a migrated database of its own.
+
+    takes  how long, where that is too long for it to be run unless it is named
+    """
 
     begins: str
     aim: str
     run: Callable[[str], Rows]
+    takes: str | None = None
 
 
 BENCHMARKS = {
@@ -66,11 +71,19 @@ BENCHMARKS = {
 }
 
 
-def main(wanted: list[str]) -> None:
+def benchmarks(extent: office.Extent) -> dict[str, Benchmark]:
+    """All of them, by name."""
+    return BENCHMARKS | {
+        f"office_{name}": Benchmark(part.begins, part.aim, partial(office.measure, name, extent), part.takes)
+        for name, part in office.PARTS.items()
+        if office.is_possible(name)
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure on a server of the run's own, with semap's own settings."""
-    unknown = set(wanted) - set(BENCHMARKS)
-    if unknown:
-        sys.exit(f"There is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(BENCHMARKS)}.")
+    read = _read(arguments)
+    known = benchmarks(office.Extent(read.seeds, read.plays))
     results: dict[str, object] = {
         "measured_at": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"processor": platform.machine(), "python": platform.python_version()},
@@ -79,8 +92,8 @@ def main(wanted: list[str]) -> None:
     folder.chmod(0o711)
     try:
         with lease(folder) as cluster:
-            for name in wanted or BENCHMARKS:
-                benchmark = BENCHMARKS[name]
+            for name in _chosen(read.names, known):
+                benchmark = known[name]
                 cluster.create_database(name)
                 migrate(cluster.dsn(name))
                 print(f"{name}: {benchmark.begins} ...", flush=True)
@@ -97,6 +110,47 @@ def main(wanted: list[str]) -> None:
     )
 
 
+def _read(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """names, none of them unknown; seeds; plays"""
+    known = benchmarks(office.Extent(1, 1))
+    listed = [f"  {name:<18} {each.begins}{_cost(each)}" for name, each in known.items()]
+    parser = argparse.ArgumentParser(
+        "python -m bench",
+        description="Without names all are run but those that take long.",
+        epilog="\n".join(["benchmarks:", *listed]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="office is all that begin with office_")
+    parser.add_argument("--seeds", type=_count, default=20, help="for office_seeds (default: %(default)s)")
+    parser.add_argument(
+        "--plays", type=_count, default=3,
+        help="for office_delays, at each of two rates of images (default: %(default)s; the paper's are 25,"
+        " which take an hour and a half)",
+    )  # fmt: skip
+    read = parser.parse_args(arguments)
+    unknown = set(read.names) - {*known, "office"}
+    if unknown:
+        parser.error(f"there is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(known)}")
+    return read
+
+
+def _chosen(names: Sequence[str], known: Mapping[str, Benchmark]) -> list[str]:
+    if not names:
+        return [name for name, each in known.items() if each.takes is None]
+    groups = ([each for each in known if each.startswith("office_")] if n == "office" else [n] for n in names)
+    return list(dict.fromkeys(name for group in groups for name in group))
+
+
+def _cost(benchmark: Benchmark) -> str:
+    return "" if benchmark.takes is None else f" ({benchmark.takes}: only when named)"
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
+    return int(text)
+
+
 def _table(rows: Rows) -> None:
     titles = list(dict.fromkeys(title for row in rows for title in row))
     lines = [titles, *([str(row.get(title, "")) for title in titles] for row in rows)]
@@ -106,4 +160,4 @@ def _table(rows: Rows) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -16,6 +16,9 @@ begin
     select format('drop view %s', oid::regclass) as statement
     from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'
     union all
+    select format('drop aggregate %s', oid::regprocedure)
+    from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'a'
+    union all
     select format('drop function %s', oid::regprocedure)
     from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'f'
   loop

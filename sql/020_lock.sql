@@ -67,5 +67,8 @@ end $$;
 
 create or replace trigger lock_regions before delete on semap.source
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
-create or replace trigger lock_regions before delete or update of ended_at on semap.track
+create or replace trigger lock_regions before delete on semap.track
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
+create or replace trigger lock_regions_to_end before update of ended_at on semap.track
+  for each statement when (pg_trigger_depth() = 0 and current_setting('semap.source_is_held', true) is distinct from 'on')
+  execute function semap.lock_regions();

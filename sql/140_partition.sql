@@ -1,6 +1,7 @@
 -- Make the partitions of track_state and line_observation for these days (UTC) ahead of their rows. A day that has
 -- rows in a default partition stays there, and so do all where there are more than 400 days. A partition is made on
--- its own and then attached, so that writers and readers of other days go on meanwhile.
+-- its own and then attached, so that writers and readers of other days go on meanwhile. Attaching locks the default
+-- partition of its table: whoever locks both tables takes track_state first.
 create or replace function semap.ensure_partitions(p_days date[]) returns void
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare

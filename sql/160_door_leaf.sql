@@ -99,7 +99,7 @@ comment on function semap.range_of_motion is
 
 -- The leaves of these doors as they should be. A door has a width of its own, or that of its shape, whose middle is then
 -- the middle of the doorway. Its heights are those of its shape, or begin where it stands. A door that is tilted, is
--- nowhere, or has no width has no leaf.
+-- nowhere, or has no width has no leaf; nor has what became a door while something else was said of its leaf.
 create or replace function semap.leaves_wanted(p_instance_ids bigint[])
 returns table (
   instance_id bigint, map_id integer, hinge_x_m double precision, hinge_y_m double precision,
@@ -116,9 +116,16 @@ language sql stable set search_path = public, pg_temp as $$
                 then nullif(greatest((i.attributes ->> 'width_m')::double precision, 0), 0) end as width_m,
            case when jsonb_typeof(i.attributes -> 'height_m') = 'number'
                 then nullif(greatest((i.attributes ->> 'height_m')::double precision, 0), 0) end as height_m
-    from semap.instance i, lateral (select semap.leaf_declared(i.attributes) as leaf) d
+    from semap.instance i,
+         lateral (select case when semap.leaf_fault(l) is null then l end as leaf
+                  from semap.leaf_declared(i.attributes) l offset 0) d
     where i.instance_id = any (p_instance_ids) and d.leaf is not null
       and i.concept_id in (select semap.concepts_below(semap.concept_named('Door')))
+  ), placed as materialized (
+    select p.frame_id, p.pose
+    from semap.frames_in_root(array(select frame_id from door)) p
+    join semap.frame root on root.frame_id = p.root_id and root.name = 'map'
+    where p.pose is not null and semap.is_upright(p.pose)
   ), measured as (
     select d.instance_id, d.map_id, d.leaf, p.pose, m.width_m,
            case when d.leaf ->> 'hinge' = 'left' then 1 else -1 end as sense,
@@ -127,8 +134,7 @@ language sql stable set search_path = public, pg_temp as $$
            coalesce(b.z_min_m, (p.pose).z_m) as z_min_m,
            coalesce(b.z_max_m, (p.pose).z_m + coalesce(d.height_m, 2)) as z_max_m
     from door d
-    join semap.frames_in_root(array(select frame_id from door)) p on p.frame_id = d.frame_id
-    join semap.frame root on root.frame_id = p.root_id and root.name = 'map'
+    join placed p using (frame_id)
     left join semap.abstraction b on b.description_id = d.absolute_description_id and b.type = 'Footprint'
     left join lateral (
       select st_xmax(a.geometry) - st_xmin(a.geometry) as width_m,
@@ -137,7 +143,7 @@ language sql stable set search_path = public, pg_temp as $$
       where a.description_id = d.relative_description_id and a.type = 'Footprint') s on true
     cross join lateral (
       select coalesce(semap.leaf_number(d.leaf, 'width_m'), d.width_m, nullif(s.width_m, 0)) as width_m) m
-    where p.pose is not null and semap.is_upright(p.pose) and m.width_m between 0.2 and 10
+    where m.width_m between 0.2 and 10
   )
   select m.instance_id, m.map_id, h.x_m, h.y_m, c.closed_rad, m.sense::smallint, m.width_m, a.max_rad, m.z_min_m, m.z_max_m,
          radians(semap.leaf_number(m.leaf, 'opening_above_deg')),
@@ -279,3 +285,9 @@ create or replace trigger doors_reconsidered after update of name on semap.conce
   for each statement execute function semap.doors_reconsidered();
 create or replace trigger doors_reconsidered after insert or update or delete on semap.concept_parent
   for each statement execute function semap.doors_reconsidered();
+
+-- What maps said of leaves before this version knew them, or made something else of them.
+do $$
+begin
+  perform semap.refresh_leaves(array_agg(instance_id)) from semap.instance where attributes ? 'leaf';
+end $$;

@@ -14,32 +14,38 @@ create or replace function semap.leaves_seen(
   miss_m double precision
 )
 language sql stable parallel safe rows 1 as $$
-  select l.instance_id, t.angle_rad, p_angle_std_rad, u.length_m, abs(h.aside_m)
+  select t.instance_id, t.angle_rad, p_angle_std_rad, t.length_m, abs(t.aside_m)
   from (
-    select * from semap.door_leaf
-    where public.st_contains(range_of_motion,
-                             public.st_makeline(public.st_point(p_x1_m, p_y1_m), public.st_point(p_x2_m, p_y2_m)))
-    offset 0 -- each line looks into the index by itself, whatever is known of the table
-  ) l
-  cross join lateral (
-    select sqrt((p_x2_m - p_x1_m) ^ 2 + (p_y2_m - p_y1_m) ^ 2) as length_m,
-           (p_x1_m + p_x2_m) / 2 - l.hinge_x_m as x_m, (p_y1_m + p_y2_m) / 2 - l.hinge_y_m as y_m) u
-  cross join lateral (
-    select ((p_x2_m - p_x1_m) * u.x_m + (p_y2_m - p_y1_m) * u.y_m) / u.length_m as along_m,
-           ((p_x2_m - p_x1_m) * u.y_m - (p_y2_m - p_y1_m) * u.x_m) / u.length_m as aside_m) h
-  cross join lateral (
-    select sign(h.along_m) as side) s
-  cross join lateral (
-    select atan2(s.side * (p_y2_m - p_y1_m), s.side * (p_x2_m - p_x1_m)) - l.closed_rad as turned_rad) d
-  cross join lateral (
-    select l.sense * atan2(sin(d.turned_rad), cos(d.turned_rad)) as angle_rad) t
-  where l.map_id = p_map_id and p_angle_std_rad <= radians(2)
-    and (p_z_m is null or p_z_m >= l.z_min_m and p_z_m < l.z_max_m)
-    and u.length_m >= greatest(0.25, 0.3 * l.width_m)
-    and abs(h.along_m) >= u.length_m / 2 - 0.12
-    and abs(h.aside_m) <= 0.15
-    and h.aside_m ^ 2 <= 9 * (p_offset_std_m ^ 2 + (h.along_m * p_angle_std_rad) ^ 2 + 0.03 ^ 2)
-    and t.angle_rad between radians(-15) and l.max_rad + radians(15)
+    select h.*, h.sense * atan2(sin(d.turned_rad), cos(d.turned_rad)) as angle_rad
+    from (
+      select u.*, (u.along_x_m * u.x_m + u.along_y_m * u.y_m) / u.length_m as along_m,
+             (u.along_x_m * u.y_m - u.along_y_m * u.x_m) / u.length_m as aside_m
+      from (
+        select l.*, p_x2_m - p_x1_m as along_x_m, p_y2_m - p_y1_m as along_y_m,
+               sqrt((p_x2_m - p_x1_m) ^ 2 + (p_y2_m - p_y1_m) ^ 2) as length_m,
+               (p_x1_m + p_x2_m) / 2 - l.hinge_x_m as x_m, (p_y1_m + p_y2_m) / 2 - l.hinge_y_m as y_m
+        from (
+          select instance_id, hinge_x_m, hinge_y_m, closed_rad, sense, width_m, max_rad
+          from semap.door_leaf
+          where public.st_contains(range_of_motion,
+                                   public.st_makeline(public.st_point(p_x1_m, p_y1_m), public.st_point(p_x2_m, p_y2_m)))
+            and map_id = p_map_id and (p_z_m is null or p_z_m >= z_min_m and p_z_m < z_max_m)
+          offset 0 -- each line looks into the index by itself, whatever is known of the table
+        ) l
+        offset 0 -- and here, so that each term is computed once
+      ) u
+      offset 0
+    ) h
+    cross join lateral (
+      select atan2(sign(h.along_m) * h.along_y_m, sign(h.along_m) * h.along_x_m) - h.closed_rad as turned_rad) d
+    offset 0
+  ) t
+  where p_angle_std_rad <= radians(2)
+    and t.length_m >= greatest(0.25, 0.3 * t.width_m)
+    and abs(t.along_m) >= t.length_m / 2 - 0.12
+    and abs(t.aside_m) <= 0.15
+    and t.aside_m ^ 2 <= 9 * (p_offset_std_m ^ 2 + (t.along_m * p_angle_std_rad) ^ 2 + 0.03 ^ 2)
+    and t.angle_rad between radians(-15) and t.max_rad + radians(15)
 $$;
 comment on function semap.leaves_seen is
   'The leaves that a line may be, each with the angle to its closed reference.';

@@ -10,30 +10,31 @@
 --
 -- A change wants two observations in a row that are beyond its threshold by a standard deviation, or one that is by three
 -- and could have been reached at 200 degrees a second from the one before, at most 0.15 s ago: so neither noise nor what
--- looks like a leaf once makes one. It has the stamp of the observation that shows it. The leaf rests where it has not gone from an angle by
--- rests_within, or by three standard deviations, for rests_for. The first observation gives the first state. A door that
--- is not seen keeps its state. There is no clock: the same observations give the same states, cut into any batches
--- between scans.
+-- looks like a leaf once makes one. It has the stamp of the observation that shows it. The leaf rests where it has not
+-- gone from an angle by rests_within, or by three standard deviations, for rests_for. The first observation gives the
+-- first state. A door that is not seen keeps its state. There is no clock: the same observations give the same states,
+-- cut into any batches between scans.
 
 -- The state that an angle asks for beside the present one, with how far beyond its threshold it is; null where none.
 create or replace function semap.door_next(
   p_now semap.door_now, p_leaf semap.door_leaf, p_angle_rad double precision,
   out state text, out beyond_rad double precision
-) language sql immutable parallel safe as $$
-  select case
-           when beyond > 0 then case (p_now).state when 'closed' then 'opening' when 'closing' then 'closed' else 'closing' end
-           when (p_now).state = 'opening' and p_angle_rad > (p_leaf).open_from_rad then 'open'
-           when (p_now).state = 'closing' and p_angle_rad > (p_now).extreme_rad + (p_leaf).turns_by_rad then 'opening'
-         end,
-         case when beyond > 0 then beyond
-              when (p_now).state = 'opening' then p_angle_rad - (p_leaf).open_from_rad
-              when (p_now).state = 'closing' then p_angle_rad - (p_now).extreme_rad - (p_leaf).turns_by_rad end
-  from (select case (p_now).state
-                 when 'closed' then p_angle_rad - (p_leaf).opening_above_rad
-                 when 'closing' then (p_leaf).closed_below_rad - p_angle_rad
-                 else greatest((p_now).extreme_rad - (p_leaf).turns_by_rad, (p_leaf).closed_below_rad) - p_angle_rad
-               end as beyond) b
-$$;
+) language plpgsql immutable parallel safe as $$
+begin
+  beyond_rad := case p_now.state
+                  when 'closed' then p_angle_rad - p_leaf.opening_above_rad
+                  when 'closing' then p_leaf.closed_below_rad - p_angle_rad
+                  else greatest(p_now.extreme_rad - p_leaf.turns_by_rad, p_leaf.closed_below_rad) - p_angle_rad end;
+  if beyond_rad > 0 then
+    state := case p_now.state when 'closed' then 'opening' when 'closing' then 'closed' else 'closing' end;
+  elsif p_now.state = 'opening' and p_angle_rad > p_leaf.open_from_rad then
+    state := 'open';
+    beyond_rad := p_angle_rad - p_leaf.open_from_rad;
+  elsif p_now.state = 'closing' and p_angle_rad > p_now.extreme_rad + p_leaf.turns_by_rad then
+    state := 'opening';
+    beyond_rad := p_angle_rad - p_now.extreme_rad - p_leaf.turns_by_rad;
+  end if;
+end $$;
 comment on function semap.door_next is
   'The state that an angle asks for beside the present one, with how far beyond its threshold it is.';
 
@@ -45,8 +46,8 @@ create or replace function semap.door_step(
 language plpgsql immutable parallel safe as $$
 declare
   v_now      semap.door_now := case when p_now.instance_id is null then p_before else p_now end;
+  v_asked    record;
   v_next     text;
-  v_beyond   double precision;
   v_since_s  double precision;
   v_is_sure  boolean;
 begin
@@ -67,13 +68,11 @@ begin
       v_now.rest_rad := p_angle_rad;
       v_now.rest_since := p_stamp;
     end if;
-    select state, beyond_rad into v_next, v_beyond from semap.door_next(v_now, p_leaf, p_angle_rad);
+    v_asked := semap.door_next(v_now, p_leaf, p_angle_rad);
+    v_next := case when v_asked.beyond_rad > p_std_rad then v_asked.state end;
     v_since_s := extract(epoch from p_stamp - v_now.stamp);
-    v_is_sure := v_beyond > 3 * p_std_rad and v_since_s <= 0.15
+    v_is_sure := v_asked.beyond_rad > 3 * p_std_rad and v_since_s <= 0.15
                  and abs(p_angle_rad - v_now.angle_rad) <= radians(200) * v_since_s + p_std_rad;
-    if v_beyond <= p_std_rad then
-      v_next := null;
-    end if;
     if v_next is not null and not v_is_sure and v_next is distinct from v_now.doubt then
       v_now.doubt := v_next;
       v_next := null;
@@ -197,11 +196,16 @@ comment on function semap.lines_arrived is
 create or replace trigger lines_arrived after insert on semap.line_observation
   referencing new table as new_line for each statement execute function semap.lines_arrived();
 
--- With a source go the lines that it saw.
+-- With a source go the lines that it saw: of a table of many days, only the pages that its index names are read.
 create or replace function semap.lines_forgotten() returns trigger
-language plpgsql security definer set search_path = public, pg_temp as $$
+language plpgsql security definer set search_path = public, pg_temp set enable_seqscan = off as $$
+declare
+  v_source_ids  integer[] := array(select source_id from old_source);
 begin
-  delete from semap.line_observation where source_id in (select source_id from old_source);
+  if v_source_ids <> '{}' then
+    lock table semap.track_state, semap.line_observation in row exclusive mode; -- in the order of ensure_partitions
+    delete from semap.line_observation where source_id = any (v_source_ids);
+  end if;
   return null;
 end $$;
 comment on function semap.lines_forgotten is

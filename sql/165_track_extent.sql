@@ -37,6 +37,34 @@ create or replace view semap.track_present as
 comment on view semap.track_present is
   'Where each track that lives is, and the ground that it covers.';
 
+-- End tracks of a source, each at a stamp, within a transaction that wrote states: where regions are held already, the
+-- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a circle.
+create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[]) returns void
+language plpgsql set semap.source_is_held = 'on' as $$
+begin
+  perform semap.hold_regions();
+  perform semap.hold_source(p_source_id);
+  update semap.track k set ended_at = e.stamp
+  from unnest(p_track_ids, p_stamps) e (track_id, stamp)
+  where k.track_id = e.track_id and k.source_id = p_source_id;
+end $$;
+comment on function semap.end_tracks is
+  'End tracks of a source, each at a stamp, within a transaction that wrote states.';
+
+-- One writer of amendments at a time, until its transaction ends: whoever has seen one has seen those before it.
+create or replace function semap.track_amendments_arrive() returns trigger
+language plpgsql as $$
+begin
+  perform semap.hold_regions();
+  perform pg_advisory_xact_lock(7368, 0);
+  return null;
+end $$;
+comment on function semap.track_amendments_arrive is
+  'One writer of amendments at a time, until its transaction ends.';
+
+create or replace trigger track_amendments_arrive before insert on semap.track_amendment
+  for each statement execute function semap.track_amendments_arrive();
+
 -- An amendment is of the map of its tracks, which one source saw.
 create or replace function semap.track_amendment_arrives() returns trigger
 language plpgsql as $$
@@ -55,3 +83,28 @@ comment on function semap.track_amendment_arrives is
 
 create or replace trigger track_amendment_arrives before insert on semap.track_amendment
   for each row execute function semap.track_amendment_arrives();
+
+-- Listeners on semap_amendment are woken by new amendments.
+create or replace function semap.track_amendments_arrived() returns trigger
+language plpgsql as $$
+begin
+  perform pg_notify('semap_amendment', max(track_amendment_id)::text) from new_amendment having count(*) > 0;
+  return null;
+end $$;
+comment on function semap.track_amendments_arrived is
+  'Listeners on semap_amendment are woken by new amendments.';
+
+create or replace trigger track_amendments_arrived after insert on semap.track_amendment
+  referencing new table as new_amendment for each statement execute function semap.track_amendments_arrived();
+
+-- What trackers found that they had mistaken, by name. Relations and rules take the tracks as they were told.
+create or replace view semap.track_amended as
+  select a.track_amendment_id, a.map_id, m.name as map, n.name as source, a.kind, a.track_id, k.name as track,
+         a.other_track_id, o.name as other_track, a.since, a.found, a.received_at
+  from semap.track_amendment a
+  join semap.map m using (map_id)
+  join semap.source n on n.source_id = a.source_id
+  join semap.track k on k.track_id = a.track_id
+  join semap.track o on o.track_id = a.other_track_id;
+comment on view semap.track_amended is
+  'What trackers found that they had mistaken, by name. Relations and rules take the tracks as they were told.';

@@ -41,13 +41,17 @@ LINE = (
       constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
       constraint line_is_finite check (
         abs(x1_m) <= 1e7 and abs(y1_m) <= 1e7 and abs(x2_m) <= 1e7 and abs(y2_m) <= 1e7 and abs(z_m) <= 1e7),
-      constraint line_is_long check ((x1_m, y1_m) <> (x2_m, y2_m)),
+      constraint line_is_long check (abs(x2_m - x1_m) + abs(y2_m - y1_m) >= 1e-6),
       constraint deviation_is_finite check (angle_std_rad between 0 and 10 and offset_std_m between 0 and 1e3)
     ) partition by range (stamp)
     """,
     """
     comment on table semap.line_observation is
       'Lines that sources saw, in the map frame. Without a key: none is looked up by itself.'
+    """,
+    """
+    create index line_observation_source on semap.line_observation using brin (source_id)
+      with (autosummarize = on)
     """,
     "create table semap.line_observation_default partition of semap.line_observation default",
 )
@@ -124,9 +128,10 @@ AMENDMENT = (
     )
     """,
     "create index track_amendment_other on semap.track_amendment (other_track_id)",
+    "create publication semap_amendment for table semap.track_amendment with (publish = 'insert')",
     """
     comment on table semap.track_amendment is
-      'merged: both are one person since then, and the other goes on. switched: each followed the other''s.'
+      'merged: both are one person from then on; the other is older. switched: each followed the other''s.'
     """,
 )
 

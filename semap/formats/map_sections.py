@@ -47,6 +47,7 @@ RULE_CLAUSES = (
     "measures",
     "within",
     "after_match",
+    "about",
     "when",
     "formula",
     "emit",

@@ -104,6 +104,7 @@ class Declaration:
 
     emit      names of events: by the type of a row (edges), else by match, timeout, holds, fails
     define    the condition of each variable
+    about     the variable whose instance an event is about; None: that of the match's last row
     document  its clauses as JSON, without the name: what is stored
     """
 
@@ -117,6 +118,7 @@ class Declaration:
     measures: Mapping[str, Expression] = field(default_factory=dict)
     within: Windows = field(default_factory=Windows)
     after_match: AfterMatch = field(default_factory=AfterMatch)
+    about: str | None = None
     confidence: Confidence | None = None
     document: Mapping[str, object] = field(default_factory=dict)
 

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
+import shapely
 from sqlalchemy import Connection, func, literal_column, select
 
 from semap.errors import NotFound
@@ -19,13 +20,24 @@ NEVER = literal_column("'-infinity'::timestamptz", track_now.c.stamp.type)
 
 @dataclass(frozen=True)
 class TrackState:
-    """Where a track was last seen, in the map frame; std_m is the standard deviation along each axis."""
+    """Where a track was last seen, in the map frame.
+
+    std_m              standard deviation along each axis
+    heading_rad        from x towards y, where the body faces
+    length_m, width_m  of the body, along the heading and across
+    footprint          the ground that it covers; None where its extent is not known
+    """
 
     stamp: datetime
     x_m: float
     y_m: float
     z_m: float | None
     std_m: float | None
+    heading_rad: float | None
+    speed_mps: float | None
+    length_m: float | None
+    width_m: float | None
+    footprint: shapely.Polygon | None
 
 
 @dataclass(frozen=True)
@@ -73,11 +85,17 @@ def get_track(connection: Connection, track_id: int) -> Track:
 
 
 def _track(row: Sequence[Any]) -> Track:
-    *known, stamp, x_m, y_m, z_m, std_m = row
-    state = None if stamp is None else TrackState(stamp, x_m, y_m, z_m, std_m)
+    *known, stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, shape = row
+    if stamp is None:
+        return Track(*[*known, None])
+    footprint = None if shape is None else shapely.from_wkb(shape)
+    state = TrackState(stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, footprint)
     return Track(*[*known, state])
 
 
+_FOOTPRINT = func.semap.track_footprint(
+    track_now.c.x_m, track_now.c.y_m, track_now.c.heading_rad, track_now.c.length_m, track_now.c.width_m
+)
 _TRACKS = (
     select(
         track.c.track_id,
@@ -92,6 +110,11 @@ _TRACKS = (
         track_now.c.y_m,
         track_now.c.z_m,
         track_now.c.std_m,
+        track_now.c.heading_rad,
+        track_now.c.speed_mps,
+        track_now.c.length_m,
+        track_now.c.width_m,
+        func.st_asbinary(_FOOTPRINT),
     )
     .select_from(track)
     .join(track_now, track_now.c.track_id == track.c.track_id)

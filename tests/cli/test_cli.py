@@ -146,8 +146,12 @@ def test_a_database_without_a_schema(empty_database: str) -> None:
 
 
 def test_every_command_explains_itself() -> None:
-    pages = [["--help"], *([name, "--help"] for name in ("up", "demo", "events", "work", "serve", "map", "ingest",
-                                                       "query", "rule", "concept", "db"))]  # fmt: skip
+    names = ("up", "demo", "events", "work", "serve", "map", "ingest", "query", "rule", "concept", "db",
+             "recording", "simulate", "evaluate")  # fmt: skip
+    pages = [
+        ["--help"],
+        *([*name.split(), "--help"] for name in (*names, "simulate office", "evaluate office")),
+    ]
     for page in pages:
         ran = semap(None, *page)
         assert ran.returncode == 0

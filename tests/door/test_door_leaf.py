@@ -255,6 +255,31 @@ def test_a_leaf_comes_and_goes_with_the_attribute_the_concept_and_the_instance(p
     assert plan.world.one("select count(*) from semap.door_now") == 0
 
 
+def test_what_becomes_a_door_with_a_wrong_leaf_has_none(plan: DoorPlan) -> None:
+    """Whoever edits the concepts is not to blame for what was said of things that were no doors."""
+    plan.world.run("insert into semap.concept (name) values ('Gate')")
+    for number, (leaf, _) in enumerate(WRONG):
+        plan.world.run("insert into semap.instance (map_id, name, concept_id, frame_id, attributes)"
+                       " select %s, %s, concept_id, %s, %s from semap.concept where name = 'Gate'",
+                       plan.world.map_id, f"gate {number}", plan.world.frame_id,
+                       json.dumps({"width_m": 1, "leaf": leaf}))  # fmt: skip
+    plan.world.run("insert into semap.concept_parent select g.concept_id, d.concept_id from semap.concept g, semap.concept d"
+                   " where g.name = 'Gate' and d.name = 'Door'")  # fmt: skip
+    plan.world.run("update semap.frame_pose set x_m = 1")
+    assert leaves(plan) == set()
+
+
+def test_with_a_map_goes_what_was_seen_of_its_doors(plan: DoorPlan) -> None:
+    door = plan.add(Door("d", 0.0, 0.0))
+    plan.observe([door.seen(SCAN_US, 0.0)])
+    a, b = plan.world.add_track("a"), plan.world.add_track("b")
+    plan.world.run("insert into semap.track_amendment (track_id, other_track_id, kind, since, found)"
+                   " values (%s, %s, 'merged', now(), now())", a, b)  # fmt: skip
+    plan.world.run("delete from semap.map where map_id = %s", plan.world.map_id)
+    for table in ("door_leaf", "door_now", "line_observation", "object_state", "track_amendment"):
+        assert plan.world.one(f"select count(*) from semap.{table}") == 0, table
+
+
 def test_a_door_is_as_wide_and_high_as_its_shape_where_nothing_else_says(plan: DoorPlan) -> None:
     door = plan.add(Door("d", 4.0, 2.0, math.radians(90)))
     plan.set_attributes("d", {"leaf": "left"})

@@ -14,7 +14,7 @@ def nodes(plan: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def test_a_line_is_looked_up_by_the_ranges_of_motion(world: World) -> None:
-    """Among 1,000 doors, and what a batch of 300 lines finds there."""
+    """Among 1,000 doors, with those of nine other maps at the same places, and what a batch of 300 lines finds there."""
     world.run(
         "with f as (insert into semap.frame (map_id, name, parent_id) select %s, 'door ' || n, %s"
         " from generate_series(0, 999) n returning frame_id, name), p as (insert into semap.frame_pose (frame_id, x_m, y_m)"
@@ -24,6 +24,17 @@ def test_a_line_is_looked_up_by_the_ranges_of_motion(world: World) -> None:
         " from f, semap.concept c where c.name = 'Door'", world.map_id, world.frame_id, world.map_id,
     )  # fmt: skip
     assert world.one("select count(*) from semap.door_leaf") == 1000
+    for number in range(9):
+        twin = World(world.dsn, f"twin {number}")
+        twin.run(
+            "with f as (insert into semap.frame (map_id, name, parent_id) select %s, 'door ' || n, %s"
+            " from generate_series(0, 99) n returning frame_id, name), p as (insert into semap.frame_pose (frame_id, x_m)"
+            " select frame_id, 3 * substr(name, 6)::int from f) insert into semap.instance"
+            " (map_id, name, concept_id, frame_id, attributes) select %s, f.name, concept_id, frame_id,"
+            " '{\"leaf\": \"left\", \"width_m\": 0.9}' from f, semap.concept c where c.name = 'Door'",
+            twin.map_id, twin.frame_id, twin.map_id,
+        )  # fmt: skip
+        twin.close()
     (plan,) = world.one(
         "explain (format json) select s.* from generate_series(1, 20) n,"
         f" lateral semap.leaves_seen({world.map_id}, 3 * n, 0, 3 * n + 0.8, 0.1, 0.25, 0.01, 0.01) s"

@@ -1,11 +1,12 @@
 """The tree of frames over time, against scipy's rotations along the whole chain."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from chain_oracle import pose_at, pose_in_root
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from semap_ingest.frames.transform_buffer import Missing, TransformBuffer
 from semap_ingest.sensing.transform import Transform
@@ -71,6 +72,8 @@ def trees(draw: st.DrawFn) -> tuple[dict[str, list[Transform]], list[Transform]]
 @given(trees(), st.integers(FIRST_US, LAST_US), st.data())
 def test_any_tree_in_any_order_agrees_with_scipy(tree, stamp_us: int, data: st.DataObject) -> None:
     edges, shuffled = tree
+    # of half a turn no way is the shorter one
+    assume(all(abs(a.quaternion @ b.quaternion) > 1e-6 for edge in edges.values() for a, b in pairwise(edge)))
     buffer = filled(*shuffled)
     names = st.sampled_from(["frame0", *edges])
     parent, child = data.draw(names), data.draw(names)

@@ -125,3 +125,15 @@ def test_a_camera_as_high_as_heads_tells_ranges_by_feet_and_width() -> None:
     person = Person(4.0, 0.0)
     body = place(box_of(person, high)[None], view(high))
     assert np.hypot(*(body.position_m[0] - person.place)) < 0.4
+
+
+@pytest.mark.parametrize("camera_z_m", [0.0, -0.5])
+def test_a_camera_whose_height_is_not_told_goes_by_head_and_shoulders(camera_z_m: float) -> None:
+    """Seen from the floor or from below it: where the feet stand follows from nothing."""
+    geometry = SensorGeometry(CAMERA, pose(0, 0, camera_z_m, 0, optical=True), None)
+    box = np.array([[290.0, 100.0, 350.0, 300.0]])
+    bodies = place(box, view(geometry))
+    assert np.isfinite(bodies.position_m).all()
+    assert (np.linalg.eigvalsh(bodies.covariance_m2) > 0).all()
+    lower = place(box + np.array([0.0, 0, 0, 60]), view(geometry))
+    np.testing.assert_allclose(lower.position_m, bodies.position_m, atol=0.02)

@@ -6,6 +6,7 @@ import csv
 import math
 import re
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -55,6 +56,73 @@ def test_walls_are_found_as_they_are(pose) -> None:
         near = points[shapely.distance(shapely.LineString(wall), shapely.points(points)) < 1e-3]
         if len(near) >= 25 and np.ptp(near, axis=0).max() > 0.3:
             assert place in found
+
+
+def clockwise(scan: Scan) -> Scan:
+    """The same sweep of a laser that turns the other way."""
+    return replace(
+        scan,
+        angle_min_rad=float(scan.angles_rad[-1]),
+        angle_step_rad=-scan.angle_step_rad,
+        ranges_m=scan.ranges_m[::-1],
+    )
+
+
+@pytest.mark.parametrize("turns_clockwise", [False, True])
+@pytest.mark.parametrize("pose", [(0, 0, 0), (1, 0.5, 2.0), (-2, 3, -1.1)])
+def test_a_laser_that_hangs_upside_down_sees_the_same_walls(pose, turns_clockwise: bool) -> None:
+    upright = cast(L_ROOM, pose)
+    # its left is the right of one that stands upright; the field of view is symmetric
+    hanging = replace(upright, ranges_m=upright.ranges_m[::-1])
+    roll = np.diag([1.0, -1.0, -1.0, 1.0])
+    scan = clockwise(hanging) if turns_clockwise else hanging
+    lines = transform_lines(find_lines(scan, EXACT), planar(*pose) @ roll, "map")
+    found = [wall_of(ends, L_ROOM) for ends in lines.ends_m]
+    assert max(_off(ends, L_ROOM[wall]) for ends, wall in zip(lines.ends_m, found, strict=True)) < 1e-3
+    seen = transform_lines(find_lines(upright, EXACT), planar(*pose), "map")
+    assert set(found) == {wall_of(ends, L_ROOM) for ends in seen.ends_m}
+
+
+def test_a_laser_that_turns_clockwise_sees_the_same_lines() -> None:
+    scan = cast(L_ROOM, noise_m=0.015, dropout=0.02)
+    one, other = find_lines(scan), find_lines(clockwise(scan))
+    np.testing.assert_allclose(other.ends_m, one.ends_m, atol=1e-9)
+    np.testing.assert_allclose(other.angle_std_rad, one.angle_std_rad)
+    np.testing.assert_array_equal(other.points, one.points)
+
+
+def test_what_a_driver_says_for_nothing_is_no_point() -> None:
+    """Zero or infinity where nothing came back, with limits that let it pass."""
+    scan = cast(L_ROOM, noise_m=0.015, dropout=0.1)
+    expected = find_lines(scan)
+    for nothing in (0.0, np.inf):
+        ranges = np.where(scan.is_return, scan.ranges_m, nothing).astype(np.float32)
+        found = find_lines(replace(scan, range_min_m=0.0, range_max_m=np.inf, ranges_m=ranges))
+        np.testing.assert_array_equal(found.ends_m, expected.ends_m)
+
+
+@pytest.mark.parametrize(("pitch_deg", "kept"), [(0, [0, 1]), (50, [0, 1]), (70, [1]), (90, [1])])
+def test_a_line_that_goes_up_is_left_out(pitch_deg: float, kept: list[int]) -> None:
+    """One along the axis that is tilted, one along the axis that it is tilted about."""
+    lines = Lines(
+        0,
+        "laser",
+        np.array([[[1.0, 0], [3, 0]], [[2, -1], [2, 1]]]),
+        np.array([0.01, 0.02]),
+        np.array([0.003, 0.004]),
+        np.array([20, 30]),
+    )
+    pitch = math.radians(pitch_deg)
+    tilted = np.eye(4)
+    tilted[:3, :3] = [
+        [math.cos(pitch), 0, math.sin(pitch)],
+        [0, 1, 0],
+        [-math.sin(pitch), 0, math.cos(pitch)],
+    ]
+    seen = transform_lines(lines, tilted, "map")
+    np.testing.assert_allclose(seen.ends_m, lines.ends_m[kept] * [math.cos(pitch), 1], atol=1e-12)
+    assert seen.points.tolist() == lines.points[kept].tolist()
+    assert seen.offset_std_m.tolist() == lines.offset_std_m[kept].tolist()
 
 
 def test_errors_are_as_large_as_the_covariance_says() -> None:

@@ -81,6 +81,18 @@ def test_the_wheel_holds_the_schema(wheel: Path) -> None:
     assert tops == {"semap", "semap_ingest", "semap_service"}
 
 
+def test_the_wheel_holds_what_perception_reads(wheel: Path) -> None:
+    held = set(zipfile.ZipFile(wheel).namelist())
+    ingest, service = CHECKOUT / "ingest", CHECKOUT / "service"
+    for root, pattern, count in ((ingest, "semap_ingest/models/*.onnx", 2),
+                                 (ingest, "semap_ingest/simulation/office.yaml", 1),
+                                 (service, "semap_service/evaluation/office_rules/*.yaml", 7),
+                                 (service, "semap_service/demo/*.csv", 2)):  # fmt: skip
+        wanted = {str(file.relative_to(root)) for file in root.glob(pattern)}
+        assert len(wanted) == count
+        assert wanted <= held
+
+
 def test_it_runs_outside_of_the_checkout(installed: Path, tmp_path: Path) -> None:
     outcome = run(installed, tmp_path, "python", "-c", "import semap; print(semap.__file__)")
     assert Path(outcome.stdout.strip()).is_relative_to(installed.parents[1])

@@ -74,6 +74,28 @@ def test_yuv_becomes_its_colour(encoding: str, order: str) -> None:
     np.testing.assert_allclose(found, np.broadcast_to([200, 120, 40], (4, 6, 3)), atol=2)
 
 
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_bayer_pattern_becomes_its_colour(pattern: str) -> None:
+    """Named by its first four pixels, two and two."""
+    colour = {"r": 200, "g": 120, "b": 40}
+    four = np.array([colour[each] for each in pattern], np.uint8).reshape(2, 2)
+    stored = np.tile(four, (3, 4))
+    expected = np.broadcast_to([200, 120, 40], (6, 8, 3))
+    np.testing.assert_array_equal(decode_image(image(f"bayer_{pattern}8", stored, 3), 0).pixels, expected)
+    wide = image(f"bayer_{pattern}16", stored.astype(np.uint16) * 256 + 77, 2, big_endian=True)
+    np.testing.assert_array_equal(decode_image(wide, 0).pixels, expected)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 4), (4, 2), (3, 5)])
+def test_a_small_or_odd_bayer_pattern(shape: tuple[int, int]) -> None:
+    message = image("bayer_rggb8", np.full(shape, 9, np.uint8))
+    if min(shape) < 3:
+        with pytest.raises(Unusable, match="Bayer"):
+            decode_image(message, 0)
+    else:
+        assert decode_image(message, 0).pixels.shape == (*shape, 3)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -98,7 +120,9 @@ def test_a_picture_that_is_none(change: dict[str, object], said: str) -> None:
 
 def test_every_layout_is_tried() -> None:
     tried = {name.lower() for name in AS_CV} | {"mono16", "rgb16", "bgra16", "rgba16", "bgr16"}
-    assert set(LAYOUTS) == tried | {"yuv422", "uyvy", "yuv422_yuy2", "yuyv"}
+    tried |= {"yuv422", "uyvy", "yuv422_yuy2", "yuyv"}
+    bayer = {f"bayer_{each}{bits}" for each in ("rggb", "bggr", "gbrg", "grbg") for bits in (8, 16)}
+    assert set(LAYOUTS) == tried | bayer
 
 
 def test_a_compressed_depth_image_is_none() -> None:
@@ -128,6 +152,8 @@ def test_binning_and_region_are_worked_into_the_matrix(is_ros1: bool) -> None:
         ("plumb_bob", [0.1, 0.2, 0, 0, 0], "plumb_bob", 5),
         ("plumb_bob", [0] * 8, "plumb_bob", 0),
         ("rational_polynomial", [0.1] * 8, "rational_polynomial", 8),
+        ("rational_polynomial", [0.1] * 8 + [0] * 4, "rational_polynomial", 8),
+        ("rational_polynomial", [0.1] * 8 + [0] * 6, "rational_polynomial", 8),
         ("equidistant", [0.1] * 4, "equidistant", 4),
         ("fisheye", [0.1] * 4, "equidistant", 4),
         ("", [], "plumb_bob", 0),
@@ -146,6 +172,7 @@ def test_distortion(name: str, distortion: list[float], model: str, length: int)
         (ROS[False].camera([np.nan, *K[1:]], []), "not calibrated"),
         (ROS[False].camera(K, [np.inf, 0, 0, 0, 0]), "not calibrated"),
         (ROS[False].camera(K, [0.1] * 7), "with 7 coefficients"),
+        (ROS[False].camera(K, [0.1] * 12, "rational_polynomial"), "thin prism"),
         (ROS[False].camera(K, [0.1] * 4, "double_sphere"), "'double_sphere' is not one of plumb_bob"),
         (ROS[False].camera(K, [], width=0), "no size"),
         (ROS[True].camera(K, [], binning_x=2**20), "no size"),

@@ -38,7 +38,7 @@ def numbers(states: list[TrackStates]) -> list[list[int]]:
 
 @pytest.mark.parametrize(
     ("seen_by", "score", "frames_needed"),
-    [(BOTH, 0.6, 2), (CAMERA, 0.6, 4), (LASER, 0.9, 4), (LASER, 0.6, None), (BOTH, 0.3, None)],
+    [(BOTH, 0.6, 2), (CAMERA, 0.6, 4), (LASER, 0.9, 4), (LASER, 0.6, None), (BOTH, 0.2, None)],
 )
 def test_who_stands_is_believed_after_so_many_frames(
     seen_by: int, score: float, frames_needed: int | None

@@ -101,3 +101,25 @@ def test_what_the_log_shows_is_seen_before_it_is_looked_up(scene: DoorScene) -> 
         assert not world.one("select semap.is_visible(%s)", under_way % 2**32)
         other.commit()
     assert world.one("select semap.is_visible(%s)", under_way % 2**32)
+
+
+def test_what_is_about_a_room_is_a_row_of_that_room_for_other_rules(scene: DoorScene) -> None:
+    """Ann comes out of the west; the match ends in the east, and is told of the west."""
+    scene.world.run("delete from semap.rule")
+    moved = {
+        "input": "track_in_room", "where": "type = 'began'", "partition_by": "track", "pattern": "R H",
+        "define": {"R": "instance = 'west'", "H": "instance = 'east'"}, "emit": "went",
+    }  # fmt: skip
+    closed = {
+        "input": [{"rule": "out_of_west"}, "door"], "partition_by": "room", "pattern": "L followed by C",
+        "define": {"L": "input = 'out_of_west'", "C": "type = 'closed'"}, "within": "9 s", "emit": "closed_after",
+    }  # fmt: skip
+    scene.add_rule("into_east", moved)
+    scene.add_rule("out_of_west", {**moved, "about": "R", "emit": "came_out"})
+    scene.add_rule("closed_after", closed)
+    with running_worker(scene.world.dsn):
+        scene.passage(100)
+        scene.watermark(150)
+        await_progress(scene.world.dsn)
+    rows = scene.world.rows("select type, instance_name, key ->> 'room' from semap.event order by seq")
+    assert rows == [("went", "east", None), ("came_out", "west", None), ("closed_after", "gate", "west")]

@@ -35,6 +35,8 @@ HIDDEN_STD_OF_HEIGHT = 0.3
 CUT_STDS, HIDDEN_STDS = 2.0, 3.0
 CROWN_STDS = 2.5
 """So far from the camera's height at least has the crown to be to tell a distance."""
+LOWEST_CAMERA_M = 0.05
+"""Nearer to the floor than this, or below it as where a transform leaves z out, it tells nothing of feet."""
 NEAREST_M, FARTHEST_M = 0.3, 40.0
 NEARER_THAN_CUT, NEARER_THAN_CUT_STD = 1.25, 0.35
 """Inverse distance where only a cut edge tells it, as a part of what that edge would tell."""
@@ -147,6 +149,8 @@ def _inverse_distance(
 
 
 def _of_foot(slopes: NDArray[np.float64], above_floor_m: float, corners_px: NDArray[np.float64]) -> _Estimate:
+    if above_floor_m < LOWEST_CAMERA_M:
+        return _Estimate(np.zeros_like(slopes[0]), np.full_like(slopes[0], np.inf))
     foot, std = -slopes[0] / above_floor_m, np.abs((slopes[1] - slopes[0]) / above_floor_m)
     hidden_px = HIDDEN_STD_OF_HEIGHT * (corners_px[:, 3] - corners_px[:, 1])
     std = np.where(_covered(corners_px), std * hidden_px / _edge_std_px(corners_px)[1], std)

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from semap_ingest.sensing.scan import Scan
 
+FARTHEST_M = 1000.0
+"""What is farther away than any laser sees was not measured."""
+
 
 @dataclass(frozen=True)
 class ClusterSettings:
@@ -83,14 +86,24 @@ class ScanClusters:
         return self.total(of_member) / self.count.reshape(-1, *[1] * (of_member.ndim - 1))
 
 
+def beams_that_hit(scan: Scan) -> NDArray[np.int64]:
+    """(p,) those with a range that can be one, counter-clockwise; none of a scan whose angles are unknown.
+
+    A laser that turns the other way has a negative step. Some drivers give 0 or infinity for nothing, and a
+    least or greatest range that lets that pass.
+    """
+    if not (np.isfinite(scan.angle_min_rad) and np.isfinite(scan.angle_step_rad)):
+        return np.empty(0, np.int64)
+    is_range = (scan.ranges_m > 0) & (scan.ranges_m < FARTHEST_M)
+    beam = np.flatnonzero(scan.is_return & is_range)
+    return beam[::-1] if scan.angle_step_rad < 0 else beam
+
+
 def find_clusters(scan: Scan, settings: ClusterSettings = ClusterSettings()) -> ScanClusters:
     """Cut a scan where its points jump. A scan without returns gives no clusters."""
-    has_angles = np.isfinite(scan.angle_min_rad) and np.isfinite(scan.angle_step_rad)
-    beam = np.flatnonzero(scan.is_return & (scan.ranges_m > 0) & np.isfinite(scan.ranges_m) & has_angles)
-    if scan.angle_step_rad < 0:
-        beam = beam[::-1]
+    beam = beams_that_hit(scan)
     range_m = scan.ranges_m[beam].astype(np.float64)
-    angle_rad = scan.angle_min_rad + scan.angle_step_rad * beam if has_angles else np.zeros(0)
+    angle_rad = scan.angle_min_rad + scan.angle_step_rad * beam
     points = range_m[:, None] * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
     step_rad = abs(scan.angle_step_rad)
 

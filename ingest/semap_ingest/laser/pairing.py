@@ -2,25 +2,27 @@
 
 Two legs that are each other's nearest, with every other leg clearly further away, are a pair at once.
 Where it is not so clear, as in a crowd, the pairs are chosen together: each leg in one pair at most, the
-sum of what the pairs are worth as large as can be (an integer program, solved exactly). A pair is worth
-more the closer its legs stand, and nothing at the length of a stride. A leg that finds no partner stands
-for a person whose other leg is hidden; a cluster too wide for one leg holds both.
+sum of what the pairs are worth as large as can be (`matching`). A pair is worth more the closer its legs
+stand, and nothing at the length of a stride. A leg that finds no partner stands for a person whose other leg
+is hidden; a cluster too wide for one leg holds both.
+
+Only the NEAREST legs of each are looked at, so that the work grows with the number of legs and no faster.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
 
+from semap_ingest.laser.matching import worthiest_matching
 from semap_ingest.sensing.clusters import LegClusters
 
 Indices = NDArray[np.int64]
 
 NONE = -1
 CLEARLY = 1.5
+NEAREST = 12
 
 
 def pair_legs(
@@ -49,15 +51,29 @@ def pair_legs(
 
 def _pairs(places_m: NDArray[np.float64], stride_m: float) -> Indices:
     """Which of the places (n, 2) belong together: (k, 2), each row ascending."""
-    near = cKDTree(places_m).query_pairs(stride_m, output_type="ndarray") if len(places_m) > 1 else []
-    edges = np.asarray(near, np.int64).reshape(-1, 2)
-    edges = edges[np.lexsort(edges.T[::-1])]
+    edges = _near(places_m, stride_m)
     distance = np.hypot(*(places_m[edges[:, 0]] - places_m[edges[:, 1]]).T)
     is_clear = _is_clear(edges, distance, len(places_m))
     taken = np.zeros(len(places_m), bool)
     taken[edges[is_clear]] = True
     is_open = ~taken[edges].any(axis=1)
-    return np.vstack([edges[is_clear], _best(edges[is_open], stride_m - distance[is_open])])
+    doubtful = edges[is_open]
+    chosen = worthiest_matching(doubtful, stride_m - distance[is_open])
+    return np.vstack([edges[is_clear], doubtful[chosen]])
+
+
+def _near(places_m: NDArray[np.float64], stride_m: float) -> Indices:
+    """Who may belong together (k, 2): each row ascending, all rows in order."""
+    count = len(places_m)
+    if count < 2:
+        return np.empty((0, 2), np.int64)
+    _, others = cKDTree(places_m).query(
+        places_m, min(NEAREST + 1, count), distance_upper_bound=np.nextafter(stride_m, np.inf)
+    )
+    here, place = np.nonzero((others < count) & (others != np.arange(count)[:, None]))
+    there = others[here, place]
+    lower, upper = np.divmod(np.unique(np.minimum(here, there) * count + np.maximum(here, there)), count)
+    return np.column_stack([lower, upper])
 
 
 def _is_clear(edges: Indices, distance: NDArray[np.float64], count: int) -> NDArray[np.bool_]:
@@ -73,20 +89,3 @@ def _is_clear(edges: Indices, distance: NDArray[np.float64], count: int) -> NDAr
     is_mutual = (distance <= nearest[edges].T).all(axis=0)
     is_clear: NDArray[np.bool_] = is_mutual & (CLEARLY * distance < second[edges].min(axis=1, initial=np.inf))
     return is_clear
-
-
-def _best(edges: Indices, worth: NDArray[np.float64]) -> Indices:
-    """Of the edges (k, 2) those of the matching that is worth most."""
-    if len(edges) < 2:
-        return edges
-    places, ends = np.unique(edges, return_inverse=True)
-    which = np.repeat(np.arange(len(edges)), 2)
-    meets = coo_array((np.ones(2 * len(edges)), (ends.ravel(), which)), shape=(len(places), len(edges)))
-    found = milp(
-        -worth,
-        integrality=np.ones(len(edges)),
-        bounds=Bounds(0, 1),
-        constraints=LinearConstraint(meets.tocsr(), ub=1),
-    )
-    chosen: Indices = edges[found.x > 0.5]
-    return chosen

@@ -54,21 +54,18 @@ def fit(moments: Moments, range_std_m: float, flatness_m: float) -> Fits:
     Orthogonal regression as in Arras and Siegwart 1997 and Nguyen et al. 2007; the noise of a range counts
     with the part of it that lies across the line, as in Pfister et al. 2003.
     """
-    count = moments[:, 0]
-    middle = moments[:, 1:3] / count[:, None]
-    xx = moments[:, 3] - count * middle[:, 0] ** 2
-    yy = moments[:, 4] - count * middle[:, 1] ** 2
-    xy = moments[:, 5] - count * middle[:, 0] * middle[:, 1]
+    count, x, y, xx, yy, xy, bxx, byy, bxy = moments.T
+    x, y = x / count, y / count
+    xx = xx - count * (x * x)
+    yy = yy - count * (y * y)
+    xy = xy - count * x * y
     half_sum, half_difference = (xx + yy) / 2, (xx - yy) / 2
     root = np.hypot(half_difference, xy)
     angle = 0.5 * np.arctan2(xy, half_difference)
-    direction = np.column_stack([np.cos(angle), np.sin(angle)])
+    cosine, sine = np.cos(angle), np.sin(angle)
     # (b . n)^2 with the normal n = (-sin, cos)
-    across = (
-        moments[:, 6] * direction[:, 1] ** 2
-        + moments[:, 7] * direction[:, 0] ** 2
-        - 2 * moments[:, 8] * direction[:, 0] * direction[:, 1]
-    ) / count
-    variance = range_std_m**2 * np.clip(across, 0, 1) + flatness_m**2
+    across = (bxx * (sine * sine) + byy * (cosine * cosine) - 2 * bxy * cosine * sine) / count
+    variance = range_std_m**2 * np.minimum(np.maximum(across, 0), 1) + flatness_m**2
     squares = np.maximum(half_sum - root, 0)
+    middle, direction = np.column_stack([x, y]), np.column_stack([cosine, sine])
     return Fits(count, middle, direction, squares, half_sum + root, variance)

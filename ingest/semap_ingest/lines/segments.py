@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semap_ingest.laser.clusters import beams_that_hit
 from semap_ingest.lines.moments import Fits, Moments, fit, moments_of, sums_before
 from semap_ingest.lines.split import jumps, split
 from semap_ingest.sensing.lines import Lines
@@ -26,6 +27,9 @@ MERGED = 13.8
 
 OUTLYING = 3.0
 """Standard deviations from its line at which a point at the end of a piece belongs to something else."""
+
+SHORTENED = 0.5
+"""As long as a part of itself from above, a line goes up."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,11 @@ class _Pieces:
 
 
 def find_lines(scan: Scan, settings: LineSettings = LineSettings()) -> Lines:
-    """Lines in the laser's frame, in the order of the beams."""
-    beam = np.flatnonzero(scan.is_return)
-    points = scan.points_m[beam]
-    if len(points) < settings.min_points:
+    """Lines in the laser's frame, counter-clockwise: the same ones, whichever way the laser turns."""
+    beam = beams_that_hit(scan)
+    if len(beam) < settings.min_points:
         return _no_lines(scan)
+    points = scan.points_m[beam]
     sums = sums_before(moments_of(points))
     ranges = scan.ranges_m[beam].astype(np.float64)
     begins = jumps(ranges, beam, scan.angle_step_rad, settings.grazing_rad, settings.jump_m)
@@ -81,13 +85,26 @@ def find_lines(scan: Scan, settings: LineSettings = LineSettings()) -> Lines:
 def transform_lines(lines: Lines, map_T_laser: NDArray[np.float64], frame: str) -> Lines:
     """The same lines in another frame, seen from above.
 
+    A tilted laser sees some lines that go up rather than along; what is less than half as long from above is
+    left out.
+
     map_T_laser  (4, 4)
     """
-    flat = lines.ends_m.reshape(-1, 2)
-    moved = flat @ map_T_laser[:2, :2].T + map_T_laser[:2, 3]
+    moved_m = lines.ends_m @ map_T_laser[:2, :2].T + map_T_laser[:2, 3]
+    goes_along = _lengths(moved_m) >= SHORTENED * _lengths(lines.ends_m)
     return Lines(
-        lines.stamp_us, frame, moved.reshape(-1, 2, 2), lines.angle_std_rad, lines.offset_std_m, lines.points
+        lines.stamp_us,
+        frame,
+        moved_m[goes_along],
+        lines.angle_std_rad[goes_along],
+        lines.offset_std_m[goes_along],
+        lines.points[goes_along],
     )
+
+
+def _lengths(ends_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    apart = ends_m[:, 1] - ends_m[:, 0]
+    return np.asarray(np.hypot(apart[:, 0], apart[:, 1]))
 
 
 def _no_lines(scan: Scan) -> Lines:
@@ -160,20 +177,22 @@ def _merged(pieces: _Pieces, near: NDArray[np.bool_], settings: LineSettings) ->
     near  (n - 1,) whether each piece and the next may be one
     """
     first, last, moments = pieces.first, pieces.last, pieces.moments
+    squares_m2 = fit(moments, settings.range_std_m, settings.flatness_m).squares_m2
     while near.any():
-        fits = fit(moments, settings.range_std_m, settings.flatness_m)
         both = fit(moments[:-1] + moments[1:], settings.range_std_m, settings.flatness_m)
-        rise = (both.squares_m2 - fits.squares_m2[:-1] - fits.squares_m2[1:]) / both.variance_m2
+        rise = (both.squares_m2 - squares_m2[:-1] - squares_m2[1:]) / both.variance_m2
         rise[~near] = np.inf
         around = np.concatenate([[np.inf], rise, [np.inf]])
         join = np.flatnonzero((rise < MERGED) & (rise < around[:-2]) & (rise <= around[2:]))
         if len(join) == 0:
             break
-        moments, last = moments.copy(), last.copy()
+        moments, last, squares_m2 = moments.copy(), last.copy(), squares_m2.copy()
         moments[join] += moments[join + 1]
-        last[join] = last[join + 1]
-        first, last = np.delete(first, join + 1), np.delete(last, join + 1)
-        moments, near = np.delete(moments, join + 1, axis=0), np.delete(near, join)
+        last[join], squares_m2[join] = last[join + 1], both.squares_m2[join]
+        kept = np.ones(len(first), np.bool_)
+        kept[join + 1] = False
+        first, last, moments, squares_m2 = first[kept], last[kept], moments[kept], squares_m2[kept]
+        near = near[kept[1:]]
     return _Pieces(first, last, moments)
 
 

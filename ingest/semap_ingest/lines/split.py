@@ -23,7 +23,7 @@ def jumps(
 
     range_m, beam  (n,) of the points, in the order of the beams
     """
-    turn_rad = np.diff(beam) * abs(angle_step_rad)
+    turn_rad = np.abs(np.diff(beam) * angle_step_rad)
     reach = (
         np.minimum(range_m[1:], range_m[:-1])
         * np.sin(turn_rad)
@@ -50,30 +50,45 @@ def split(
     points_m  (n, 2) in the order of the beams
     sums      (n + 1, 9) as `sums_before` gives them
     """
-    n = len(points_m)
-    settled = np.zeros(n, dtype=np.bool_)
+    found = [starts]
+    stops = np.append(starts[1:], len(points_m))
     for _ in range(max_levels):
-        bounds = np.append(starts, n)
-        length = np.diff(bounds)
-        piece = np.repeat(np.arange(len(starts)), length)
-        first, last = points_m[bounds[:-1]], points_m[bounds[1:] - 1]
-        chord = last - first
-        normal = np.column_stack([-chord[:, 1], chord[:, 0]])
-        normal /= np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-9)[:, None]
-        away = np.abs(np.einsum("ij,ij->i", points_m - first[piece], normal[piece]))
-        farthest = np.maximum.reduceat(away, starts)
-        fits = fit(sums[bounds[1:]] - sums[bounds[:-1]], range_std_m, flatness_m)
-        free = np.maximum(fits.count - 2, 1)
-        excess = fits.squares_m2 / fits.variance_m2 > free + 3.5 * np.sqrt(2 * free)
-        # the ends of the chord are noisy too
-        wanted = (length >= 4) & ((farthest > 5 * np.sqrt(fits.variance_m2)) | excess) & ~settled[starts]
-        if not wanted.any():
+        is_long = stops - starts >= 4
+        starts, stops = starts[is_long], stops[is_long]
+        if not len(starts):
             break
-        candidates = np.flatnonzero(wanted[piece] & (away >= farthest[piece]))
-        _, one = np.unique(piece[candidates], return_index=True)
-        cuts = candidates[one]
-        # the farthest point opens the second piece; a cut leaves two points on either side where it can
-        cuts = np.clip(cuts, bounds[piece[cuts]] + 1, bounds[piece[cuts] + 1] - 1)
-        settled[starts[~wanted]] = True
-        starts = np.union1d(starts, cuts)
-    return starts
+        is_cut, cuts = _cuts(points_m, sums, starts, stops, range_std_m, flatness_m)
+        found.append(cuts)
+        starts, stops = np.concatenate([starts[is_cut], cuts]), np.concatenate([cuts, stops[is_cut]])
+    return np.sort(np.concatenate(found))
+
+
+def _cuts(
+    points_m: NDArray[np.float64],
+    sums: Moments,
+    starts: NDArray[np.int64],
+    stops: NDArray[np.int64],
+    range_std_m: float,
+    flatness_m: float,
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Which of the pieces (k,) are cut, and where each of those is: the point that opens its second part."""
+    length = stops - starts
+    offset = np.cumsum(length) - length
+    piece = np.repeat(np.arange(len(starts)), length)
+    member = np.repeat(starts - offset, length) + np.arange(len(piece))
+    first, last = points_m[starts], points_m[stops - 1]
+    chord = last - first
+    normal = np.column_stack([-chord[:, 1], chord[:, 0]])
+    normal /= np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-9)[:, None]
+    away = np.abs(np.einsum("ij,ij->i", points_m[member] - first[piece], normal[piece]))
+    farthest = np.maximum.reduceat(away, offset)
+    fits = fit(sums[stops] - sums[starts], range_std_m, flatness_m)
+    free = np.maximum(fits.count - 2, 1)
+    excess = fits.squares_m2 / fits.variance_m2 > free + 3.5 * np.sqrt(2 * free)
+    # the ends of the chord are noisy too
+    is_cut = (farthest > 5 * np.sqrt(fits.variance_m2)) | excess
+    candidates = np.flatnonzero(is_cut[piece] & (away >= farthest[piece]))
+    of = piece[candidates]
+    candidates = candidates[np.concatenate([[True], of[1:] != of[:-1]])[: len(of)]]
+    # one point at least stays on either side
+    return is_cut, np.clip(member[candidates], starts[is_cut] + 1, stops[is_cut] - 1)

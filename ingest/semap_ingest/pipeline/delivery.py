@@ -1,26 +1,29 @@
 """Brings results into the database, whatever happens to the server meanwhile.
 
 Results are counted: perception gives the same ones in the same order each time, so that the first so many,
-which were committed by this process or by one before it, are passed over.
+which were committed by this process or by another, are passed over.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event as Signal
 
 import psycopg
 
-from semap.errors import Conflict, ServerUnavailable
+from semap.errors import ServerUnavailable
 from semap.store.database import connect
 from semap_ingest.pipeline.found import Found
-from semap_ingest.pipeline.writing import ROLE, Registered, Writer, register
+from semap_ingest.pipeline.registration import Registered, register
+from semap_ingest.pipeline.writing import Writer
 
+ROLE = "semap_ingest"
 FIRST_RETRY_S = 0.05
 LAST_RETRY_S = 2.0
-LOCK = 7366
-"""First key of the advisory lock that keeps a second process from the same recording."""
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -36,70 +39,101 @@ class Target:
     floor_z_m: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Numbered:
+    """number  of the last result up to here, counted from 1"""
+
+    number: int
+    found: Found
+
+    @property
+    def is_result(self) -> bool:
+        return bool(self.found.persons or self.found.lines)
+
+
 class Delivery:
-    """Mutable: results that wait for their commit, and how many were committed."""
+    """Mutable: results that wait for their commit, and how many were committed.
+
+    resumed_at    results that were there before
+    was_finished  so were all
+    """
 
     def __init__(self, target: Target, stop: Signal, committed: Callable[[Found], None]) -> None:
         self._target = target
         self._stop = stop
         self._committed = committed
-        self._waiting: list[Found] = []
+        self._waiting: list[_Numbered] = []
         self._taken = 0
         self._connection, self._registered, self._writer = self._open()
-        self.resumed_at = self._registered.done
-        self.was_finished = self._registered.finished
+        self._done = self._registered.done
+        self.resumed_at, self.was_finished = self._registered.done, self._registered.finished
+
+    @property
+    def is_catching_up(self) -> bool:
+        """Whether what comes next was there before."""
+        return self._taken < self._done
 
     def add(self, found: Found) -> None:
         """Keep what follows from one record for the next commit."""
-        if found.persons or found.lines:
-            self._taken += 1
-        if self._taken > self.resumed_at:
-            self._waiting.append(found)
+        self._taken += bool(found.persons or found.lines)
+        numbered = _Numbered(self._taken, found)
+        if self._is_new(numbered):
+            self._waiting.append(numbered)
 
     def commit(self, *, is_over: bool = False) -> None:
         """Write what waits, in one transaction; a server that is away is awaited.
 
         is_over  nothing more is to come of this recording
-        raises   ServerUnavailable, where it is away and `stop` is set
+        raises   ServerUnavailable, where it is away and `stop` is set; Conflict, where another process has
+                 taken over; NotFound, where the source was deleted
         """
-        if not self._waiting and not is_over:
-            return
         wait_s = FIRST_RETRY_S
-        while True:
+        while self._waiting or is_over:
             try:
-                if self._connection.closed:
-                    self._connection, self._registered, self._writer = self._open()
-                    # the commit whose answer was lost may have been made
-                    if self._registered.done >= self._taken and self._registered.finished >= is_over:
-                        break
-                self._writer.commit(self._waiting, self._taken, is_over=is_over)
+                self._write(is_over)
                 break
-            except ServerUnavailable:
+            except ServerUnavailable as error:
                 self._connection.close()
+                if wait_s == FIRST_RETRY_S:
+                    log.warning("%s Waiting for the server.", error)
                 if self._stop.wait(wait_s):
                     raise
                 wait_s = min(wait_s * 2, LAST_RETRY_S)
-        for found in self._waiting:
-            self._committed(found)
+        for each in self._waiting:
+            self._committed(each.found)
         self._waiting.clear()
+
+    def give_up(self) -> None:
+        """Write what waits, and let rules not wait for what the recording does not give any more."""
+        self.commit()
+        if not self._connection.closed:
+            self._writer.end_sources()
 
     def close(self) -> None:
         """Leave the recording to others."""
         self._connection.close()
 
+    def _write(self, is_over: bool) -> None:
+        if self._connection.closed:
+            self._connection, self._registered, self._writer = self._open()
+            self._done = self._registered.done
+        # a commit whose answer was lost may have been made
+        batch = [each.found for each in self._waiting if self._is_new(each)]
+        if batch or (is_over and not self._registered.finished):
+            done = max(self._done, self._taken)
+            self._writer.commit(batch, done, is_over=is_over)
+            self._done = done
+
+    def _is_new(self, each: _Numbered) -> bool:
+        return each.number > self._done or (each.number == self._done and not each.is_result)
+
     def _open(self) -> tuple[psycopg.Connection, Registered, Writer]:
         target = self._target
         connection = connect(target.dsn, ROLE, application="semap ingest", autocommit=False)
         try:
-            registered = register(connection, target.map_name, target.source, target.path, target.fingerprint)
-            with connection.transaction():
-                row = connection.execute(
-                    "select pg_try_advisory_lock(%s, %s)", [LOCK, registered.recording_id]
-                ).fetchone()
-            if not (row and row[0]):
-                raise Conflict(
-                    f"Another process is bringing in {target.path}.", "Wait until it is done, or end it."
-                )
+            registered = register(
+                connection, target.map_name, target.source, target.path, target.fingerprint, self._stop
+            )
         except BaseException:
             connection.close()
             raise

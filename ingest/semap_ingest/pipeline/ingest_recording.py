@@ -6,23 +6,28 @@ What is written is the same. After a crash, or when the server was away, it goes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Collection, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
+from importlib.resources import as_file
 from pathlib import Path
 from threading import Event as Signal
 
+from semap.errors import InvalidInput, ServerUnavailable
 from semap_ingest.image.detector import ImageDetector
-from semap_ingest.laser.detector import LegDetector
+from semap_ingest.laser.detector import PACKAGED, LegDetector
 from semap_ingest.pipeline.delivery import Delivery, Target
 from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.identity import fingerprint
 from semap_ingest.pipeline.meter import Meter, no_meter
 from semap_ingest.pipeline.pace import Pace
-from semap_ingest.pipeline.perception import Perception, Roles
+from semap_ingest.pipeline.perception import Perception
+from semap_ingest.pipeline.roles import Roles
 from semap_ingest.pipeline.survey import survey
+from semap_ingest.pipeline.thinning import thinned
 from semap_ingest.pipeline.topics import Parts, cast_parts
-from semap_ingest.recording.reading import Received, Recording
-from semap_ingest.sensing.image import CompressedImage, Image
+from semap_ingest.recording.reading import PERSON_CLASSES, Recording
 
 BATCH_US = 1_000_000
 QUIET_US = 60_000
@@ -47,6 +52,8 @@ class Plan:
     image_model  ONNX file of the image detector; None: images are not looked at
     providers    of onnxruntime
     images_hz    at most so many images a second are looked at; None: all
+    person_classes  what the robot calls persons, where it has found them by itself
+    raises       InvalidInput for numbers that cannot be
     """
 
     map_name: str
@@ -59,6 +66,14 @@ class Plan:
     image_model: Path | None = None
     providers: tuple[str, ...] = ("CPUExecutionProvider",)
     images_hz: float | None = None
+    person_classes: Collection[str] = PERSON_CLASSES
+
+    def __post_init__(self) -> None:
+        for name, value in (("a pace", self.speed), ("a rate of images", self.images_hz)):
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise InvalidInput(f"{name} of {value}", "Give a number above 0.")
+        if not math.isfinite(self.floor_z_m):
+            raise InvalidInput(f"a floor at {self.floor_z_m} m", "Give its height in metres.")
 
 
 @dataclass(frozen=True)
@@ -68,6 +83,7 @@ class Ingested:
     length_s    from its first record to its last
     resumed_at  results that were there before
     left_out    records that could not be used: why, and how many
+    is_whole    false where it was stopped: another call goes on
     """
 
     records: int
@@ -77,6 +93,7 @@ class Ingested:
     lines: int
     resumed_at: int
     left_out: Mapping[str, int]
+    is_whole: bool = True
 
 
 def ingest_recording(
@@ -97,53 +114,30 @@ def ingest_recording(
                another process brings this one in; InvalidInput, where the recording cannot be used
     """
     stop = stop or Signal()
-    pace = pace or Pace(plan.speed)
-    tally = _Tally()
-    with Recording(plan.path) as recording:
-        parts = cast_parts(recording.topics, plan.topics)
-        if plan.image_model is None:
-            parts = parts.without("image")
-        perception = Perception(
-            roles_of(parts, plan),
-            survey(recording, parts, plan.images_hz),
-            plan.map_frame,
-            plan.floor_z_m,
-            meter,
-        )
-        target = Target(
-            dsn,
-            plan.map_name,
-            plan.source,
-            str(plan.path),
-            fingerprint(plan.path, plan.image_model, _options(plan)),
-            plan.floor_z_m,
-        )
-        delivery = Delivery(target, stop, committed)
-        total = (recording.end_us - recording.start_us) // 100_000
-        try:
-            committed_us = recording.start_us
-            for received in _thinned(recording.records(parts.all()), plan.images_hz):
-                pace.wait(received.sent_us, stop)
-                if stop.is_set():
-                    break
-                found = perception.take(received)
-                tally.count(found)
-                delivery.add(found)
-                span_us = BATCH_US if plan.speed is None else 0 if found.persons or found.lines else QUIET_US
-                if received.sent_us - committed_us >= span_us:
-                    with meter("commit"):
-                        delivery.commit()
-                    committed_us = received.sent_us
-                    advance((received.sent_us - recording.start_us) // 100_000, total)
-            else:
-                found = perception.flush()
-                tally.count(found)
-                delivery.add(found)
-                delivery.commit(is_over=True)
-        finally:
-            delivery.close()
-        unread = {f"{each.topic}: {each.why.value}": each.count for each in recording.passed_over}
+    tally = _Tally(committed)
+    with Recording(plan.path, person_classes=plan.person_classes) as recording:
         length_s = (recording.end_us - recording.start_us) / 1e6
+        parts = cast_parts(recording.topics, plan.topics, looks_at_images=plan.image_model is not None)
+        roles = roles_of(parts, plan)
+        target = Target(
+            dsn, plan.map_name, plan.source, str(plan.path), _identity(plan, parts), plan.floor_z_m
+        )
+        with closing(Delivery(target, stop, tally.count)) as delivery:
+            if delivery.was_finished:
+                return Ingested(0, length_s, 0, 0, 0, delivery.resumed_at, {})
+            timing = survey(recording, parts, plan.images_hz)
+            perception = Perception(roles, timing, plan.map_frame, plan.floor_z_m, meter)
+            run = _Run(recording, plan, parts, perception, delivery, pace or Pace(plan.speed), meter)
+            try:
+                is_whole = run.play(stop, advance)
+            except ServerUnavailable:
+                if not stop.is_set():
+                    raise
+                is_whole = False
+            except InvalidInput:
+                delivery.give_up()
+                raise
+        unread = {f"{each.topic}: {each.why.value}": each.count for each in recording.passed_over}
     return Ingested(
         perception.taken,
         length_s,
@@ -152,12 +146,75 @@ def ingest_recording(
         tally.lines,
         delivery.resumed_at,
         {**unread, **perception.left_out},
+        is_whole,
     )
 
 
-def _options(plan: Plan) -> tuple[object, ...]:
-    """What of a plan changes the results."""
-    return (sorted(plan.topics.items()), plan.map_frame, plan.floor_z_m, plan.images_hz)
+@dataclass(frozen=True)
+class _Run:
+    """A recording on its way into the database."""
+
+    recording: Recording
+    plan: Plan
+    parts: Parts
+    perception: Perception
+    delivery: Delivery
+    pace: Pace
+    meter: Meter
+
+    def play(self, stop: Signal, advance: Advance) -> bool:
+        """Whether it went to the end; what was there before goes as fast as it can."""
+        recording, delivery = self.recording, self.delivery
+        total = (recording.end_us - recording.start_us) // 100_000
+        committed_us = recording.start_us
+        for received in thinned(recording.records(self.parts.all()), self.plan.images_hz):
+            if not delivery.is_catching_up:
+                self.pace.wait(received.sent_us, stop)
+            if stop.is_set():
+                return False
+            found = self.perception.take(received)
+            delivery.add(found)
+            if received.sent_us - committed_us >= self._span_us(found):
+                self._commit()
+                committed_us = received.sent_us
+                advance((received.sent_us - recording.start_us) // 100_000, total)
+        delivery.add(self.perception.flush())
+        self._require_placed()
+        self._commit(is_over=True)
+        return True
+
+    def _span_us(self, found: Found) -> int:
+        """How much of a recording is a transaction."""
+        if self.plan.speed is None:
+            return BATCH_US
+        return 0 if found.persons or found.lines else QUIET_US
+
+    def _commit(self, *, is_over: bool = False) -> None:
+        with self.meter("commit"):
+            self.delivery.commit(is_over=is_over)
+
+    def _require_placed(self) -> None:
+        """Raises InvalidInput where it never became known where the sensors stood."""
+        perception, frame = self.perception, self.plan.map_frame
+        if perception.placed or not perception.given_up:
+            return
+        known = ", ".join(sorted(perception.frames))
+        raise InvalidInput(
+            f"no transforms lead from its sensors to the frame {frame!r}, so that nothing has a place",
+            "Name the frame that is the map's: --frame NAME. "
+            + (f"Its transforms name {known}." if known else "It has none: a sensor's own frame may be it."),
+            self.plan.path.name,
+        )
+
+
+def _identity(plan: Plan, parts: Parts) -> str:
+    """Of the recording, and of all of a plan that changes the results."""
+    topics = sorted((part, names) for part, names in parts.topics.items() if names)
+    classes = sorted(plan.person_classes)
+    options = (topics, plan.map_frame, plan.floor_z_m, plan.images_hz, classes, plan.providers)
+    with as_file(PACKAGED) as legs:
+        models = [legs, *([plan.image_model] if plan.image_model and parts.has("image") else [])]
+        return fingerprint(plan.path, models, options)
 
 
 def roles_of(parts: Parts, plan: Plan) -> Roles:
@@ -165,32 +222,27 @@ def roles_of(parts: Parts, plan: Plan) -> Roles:
     detector = None
     if parts.has("image") and plan.image_model is not None:
         detector = ImageDetector.open(plan.image_model, providers=plan.providers, min_score=LEAST_SCORE)
-    return Roles(detector, LegDetector.open() if parts.has("scan") else None, parts.has("boxes"))
-
-
-def _thinned(records: Iterator[Received], images_hz: float | None) -> Iterator[Received]:
-    """Without the images that come sooner after the last one than at this rate, give or take a tenth."""
-    if images_hz is None:
-        yield from records
-        return
-    gap_us, last_us = 0.9e6 / images_hz, -(1 << 62)
-    for received in records:
-        if isinstance(received.value, Image | CompressedImage):
-            if received.value.stamp_us - last_us < gap_us:
-                continue
-            last_us = received.value.stamp_us
-        yield received
+    return Roles(
+        detector,
+        LegDetector.open() if parts.has("scan") else None,
+        parts.has("boxes"),
+        parts.has("poses"),
+        plan.person_classes,
+    )
 
 
 class _Tally:
-    """Mutable: how much was found."""
+    """Mutable: how much was written."""
 
-    def __init__(self) -> None:
+    def __init__(self, committed: Callable[[Found], None]) -> None:
         self.states = self.lines = 0
         self.tracks: set[int] = set()
+        self._committed = committed
 
     def count(self, found: Found) -> None:
+        """After its commit."""
         self.states += sum(len(each.states) for each in found.persons)
         self.lines += sum(len(each.lines) for each in found.lines)
         for each in found.persons:
             self.tracks.update(each.states.track.tolist())
+        self._committed(found)

@@ -14,7 +14,8 @@ What each record goes through:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -22,20 +23,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
-from semap.geometry.pose import transform_points
 from semap_ingest.frames.transform_buffer import TransformBuffer
 from semap_ingest.frames.waiting import GivenUp, Ready, WaitingRecords
 from semap_ingest.fusion.persons import SensorGeometry, fuse
 from semap_ingest.image.decoding import BrokenImage, decode
-from semap_ingest.image.detector import ImageDetector
-from semap_ingest.laser.detector import LegDetector
+from semap_ingest.laser.standing import StandingThings, centres_on_map
 from semap_ingest.lines.segments import find_lines, transform_lines
 from semap_ingest.pipeline.found import Found, LinesAt, PersonsAt
+from semap_ingest.pipeline.given import FARTHEST_M, person_boxes, persons_on_map
 from semap_ingest.pipeline.meter import Meter, no_meter
+from semap_ingest.pipeline.roles import Roles, Timing
+from semap_ingest.pipeline.stamp_order import MAX_JUMP_US, Seen, StampOrder
 from semap_ingest.recording.reading import Received
 from semap_ingest.sensing.boxes import Boxes
 from semap_ingest.sensing.clusters import LegClusters
-from semap_ingest.sensing.detections import BOTH, Detections
+from semap_ingest.sensing.detections import LASER, Detections
 from semap_ingest.sensing.image import Camera, CompressedImage, Image
 from semap_ingest.sensing.lines import Lines
 from semap_ingest.sensing.scan import Scan
@@ -53,46 +55,10 @@ from semap_ingest.synchronisation.synchroniser import (
 from semap_ingest.tracking.image_tracker import ImageTracker
 from semap_ingest.tracking.map_tracker import MapTracker
 
-MILLISECOND_US = 1_000
 T = TypeVar("T")
-
 
 PLACED_STD_M = 0.4
 """Of a person's position, along the worst axis, up to which its state is told."""
-
-POSE_STD_M = 0.2
-"""Of a person's position where its finder does not say."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """What is known of when records come.
-
-    *_period_us   no two records of the source are nearer to one another
-    tolerance_us  image and scan of one moment are at most so far apart
-    patience_us   a source that is so far behind the other is waited for no more
-    """
-
-    image_period_us: int = 0
-    scan_period_us: int = 0
-    tolerance_us: int = 30 * MILLISECOND_US
-    patience_us: int = 250 * MILLISECOND_US
-
-
-@dataclass(frozen=True)
-class Roles:
-    """Who looks at what; None where the recording has nothing to look at.
-
-    boxes_given  the robot finds its boxes by itself
-    """
-
-    image_detector: ImageDetector | None = None
-    leg_detector: LegDetector | None = None
-    boxes_given: bool = False
-
-    @property
-    def has_camera(self) -> bool:
-        return self.image_detector is not None or self.boxes_given
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +101,9 @@ class Perception:
     """Mutable: transforms, what waits, and the tracks.
 
     taken     records that were given to it
-    left_out  those that could not be used: why, and how many
+    placed    those of sensors of which it became known where they were seen from
+    frames    that transforms have named
+    left_out  records that could not be used: why, and how many
     """
 
     def __init__(
@@ -146,7 +114,8 @@ class Perception:
         floor_z_m: float = 0.0,
         meter: Meter = no_meter,
     ) -> None:
-        self.taken = 0
+        self.taken = self.placed = 0
+        self.frames: set[str] = set()
         self._roles = roles
         self._timing = timing
         self._map_frame = map_frame
@@ -160,11 +129,15 @@ class Perception:
         self._image_tracker = ImageTracker()
         self._map_tracker = MapTracker()
         self._synchroniser = Synchroniser[_Placed[Boxes], _Placed[LegClusters]](
-            SourceTiming(timing.image_period_us),
-            SourceTiming(timing.scan_period_us),
+            # no period matters that is longer than the other source's patience
+            SourceTiming(min(timing.image_period_us, timing.patience_us)),
+            SourceTiming(min(timing.scan_period_us, timing.patience_us)),
             timing.tolerance_us,
             timing.patience_us,
         )
+        self._order = StampOrder(max(MAX_JUMP_US, 3 * timing.image_period_us, 3 * timing.scan_period_us))
+        self._told: set[int] = set()
+        self._things = StandingThings()
         self._scanned_us = NEVER_US
         self._persons_us = NEVER_US
         self._left_out: Counter[str] = Counter()
@@ -178,44 +151,70 @@ class Perception:
         refused = {
             f"{reason} for synchronisation": count for reason, count in self._synchroniser.refused.items()
         }
-        return {**self._left_out, **given_up, **refused}
+        return {**self._left_out, **self._order.refused, **given_up, **refused}
+
+    @property
+    def given_up(self) -> int:
+        """Records of which it did not become known where they were seen from."""
+        return sum(self._waiting.given_up.values())
 
     def take(self, received: Received) -> Found:
         """What follows from this record."""
         self.taken += 1
-        value, sent_us = received.value, received.sent_us
-        try:
-            match value:
-                case Transform():
-                    with self._meter("transforms"):
-                        self._transforms.add(value)
-                case Camera():
-                    self._cameras[value.frame] = value
-                case Image() | CompressedImage():
-                    self._look_at_image(value, sent_us)
-                case Boxes():
-                    self._wait("boxes", value.stamp_us, value.frame, sent_us, self._tracked(value))
-                case Scan():
-                    self._look_at_scan(value, sent_us)
-                case PersonPoses():
-                    self._wait("poses", value.stamp_us, value.frame, sent_us, value)
-        except InvalidInput as error:
-            self._left_out[f"{received.topic}: {error}"] += 1
+        value = received.value
+        match value:
+            case Transform():
+                with self._forgiving(received.topic), self._meter("transforms"):
+                    self._transforms.add(value)
+                    self.frames |= {value.parent, value.child}
+            case Camera():
+                self._cameras[value.frame] = value
+            case Image() | CompressedImage() | Boxes() | Scan() | PersonPoses():
+                for each, seen in self._order.pass_on(received, value):
+                    with self._forgiving(each.topic):
+                        self._look_at(seen, each.sent_us)
         with self._meter("transforms"):
             placed = self._waiting.take()
         return self._go_on(placed)
 
     def flush(self) -> Found:
         """What follows from there being no more records: all that waits, and every track ends."""
+        self._order.give_up()
         found = self._go_on(self._waiting.flush())
         persons = list(found.persons)
+        over_us = max(self._persons_us, self._scanned_us, self._persons_mark_us())
         for each in self._synchroniser.flush():
             persons += self._fused(each)
-        sent_us = persons[-1].sent_us if persons else self._persons_us
-        persons.append(PersonsAt(self._map_tracker.finish(), sent_us))
-        last_us = max(self._persons_us, self._scanned_us)
-        mark_us = None if last_us == NEVER_US else last_us
-        return Found(tuple(persons), found.lines, mark_us, mark_us)
+        over_us = max(over_us, self._persons_us)
+        if over_us == NEVER_US:
+            return Found()
+        # after all that was told to be past, so that it is not past itself
+        over_us += 1
+        sent_us = persons[-1].sent_us if persons else over_us
+        last = replace(self._told_only(self._map_tracker.finish()), stamp_us=over_us)
+        return Found((*persons, PersonsAt(last, sent_us)), found.lines, over_us, over_us)
+
+    @contextmanager
+    def _forgiving(self, source: str) -> Iterator[None]:
+        """What a role cannot use is left out and counted."""
+        try:
+            yield
+        except InvalidInput as error:
+            self._left_out[f"{source}: {str(error).removeprefix(f'{error.where}: ')}"] += 1
+
+    def _look_at(self, seen: Seen, sent_us: int) -> None:
+        match seen:
+            case Boxes():
+                persons = person_boxes(seen, self._roles.person_classes)
+                if len(persons) < len(seen):
+                    self._left_out["boxes of something that is not a person"] += len(seen) - len(persons)
+                self._wait("boxes", sent_us, seen, self._tracked(persons))
+            case Scan():
+                self._look_at_scan(seen, sent_us)
+            case PersonPoses():
+                self._wait("poses", sent_us, seen, seen)
+            case _:
+                self._look_at_image(seen, sent_us)
 
     def _look_at_image(self, image: Image | CompressedImage, sent_us: int) -> None:
         detector = self._roles.image_detector
@@ -230,7 +229,7 @@ class Perception:
             image = decoded
         with self._meter("detect in image"):
             boxes = detector.detect(image)
-        self._wait("image", boxes.stamp_us, boxes.frame, sent_us, self._tracked(boxes))
+        self._wait("image", sent_us, image, self._tracked(boxes))
 
     def _tracked(self, boxes: Boxes) -> Boxes:
         with self._meter("track in image"):
@@ -243,12 +242,10 @@ class Perception:
             clusters = self._roles.leg_detector.detect(scan)
         with self._meter("find lines"):
             lines = find_lines(scan)
-        self._wait("scan", scan.stamp_us, scan.frame, sent_us, ScanFound(clusters, lines))
+        self._wait("scan", sent_us, scan, ScanFound(clusters, lines))
 
-    def _wait(
-        self, source: str, stamp_us: int, frame: str, sent_us: int, found: Boxes | ScanFound | PersonPoses
-    ) -> None:
-        self._waiting.put(source, _Looked(stamp_us, frame, sent_us, found))
+    def _wait(self, source: str, sent_us: int, seen: Seen, found: Boxes | ScanFound | PersonPoses) -> None:
+        self._waiting.put(source, _Looked(seen.stamp_us, seen.frame, sent_us, found))
 
     def _go_on(self, placed: Sequence[Ready[Any] | GivenUp[Any]]) -> Found:
         """What follows from knowing where sensors stood."""
@@ -257,26 +254,39 @@ class Perception:
         for each in placed:
             if isinstance(each, GivenUp):
                 continue
-            looked: _Looked[Any] = each.record
-            match looked.found:
-                case Boxes():
-                    persons += self._synchronised(looked, each.target_T_frame, looked.found)
-                case ScanFound(clusters, found_lines):
-                    in_map = transform_lines(found_lines, each.target_T_frame, self._map_frame)
-                    lines.append(LinesAt(in_map, float(each.target_T_frame[2, 3]), looked.sent_us))
-                    self._scanned_us = max(self._scanned_us, looked.stamp_us)
-                    persons += self._synchronised(looked, each.target_T_frame, clusters)
-                case PersonPoses():
-                    with self._meter("track on map"):
-                        detections = persons_on_map(looked.found, each.target_T_frame, self._map_frame)
-                        persons.append(PersonsAt(self._map_tracker.step(detections), looked.sent_us))
-                    self._persons_us = max(self._persons_us, looked.stamp_us)
+            self.placed += 1
+            if np.abs(each.target_T_frame[:3, 3]).max() > FARTHEST_M:
+                self._left_out[f"{each.source}: seen from outside of any map"] += 1
+                continue
+            with self._forgiving(each.source):
+                if isinstance(each.record.found, ScanFound):
+                    lines.append(self._lines_at(each))
+                persons += self._persons_at(each.record, each.target_T_frame)
         return Found(
             tuple(persons),
             tuple(lines),
             _known(self._persons_mark_us()),
             _known(self._scanned_us if self._roles.leg_detector else self._persons_mark_us()),
         )
+
+    def _lines_at(self, each: Ready[Any]) -> LinesAt:
+        scan: _Looked[ScanFound] = each.record
+        self._scanned_us = scan.stamp_us
+        in_map = transform_lines(scan.found.lines, each.target_T_frame, self._map_frame)
+        return LinesAt(in_map, float(each.target_T_frame[2, 3]), scan.sent_us)
+
+    def _persons_at(self, looked: _Looked[Any], map_T_sensor: NDArray[np.float64]) -> list[PersonsAt]:
+        match looked.found:
+            case PersonPoses():
+                self._persons_us = looked.stamp_us
+                detections = persons_on_map(looked.found, map_T_sensor, self._map_frame)
+                return [self._tracked_on_map(detections, looked.sent_us)]
+            case _ if self._roles.poses_given:
+                return []
+            case ScanFound(clusters, _):
+                return self._synchronised(looked, map_T_sensor, clusters)
+            case _:
+                return self._synchronised(looked, map_T_sensor, looked.found)
 
     def _synchronised(
         self, looked: _Looked[Any], map_T_sensor: NDArray[np.float64], found: Boxes | LegClusters
@@ -303,6 +313,8 @@ class Perception:
         two that both sensors saw.
         """
         camera_saw, laser_saw, stamp_us = _both_sides(final)
+        if camera_saw is None and laser_saw is None:
+            return []
         self._persons_us = max(self._persons_us, stamp_us)
         if laser_saw is None and stamp_us < self._scanned_us + 2 * self._timing.tolerance_us:
             return []
@@ -319,21 +331,41 @@ class Perception:
             None if laser_saw is None else laser_saw.map_T_sensor,
             self._floor_z_m,
         )
-        with self._meter("fuse"):
-            detections = fuse(
-                None if camera_saw is None else tracked_boxes(camera_saw.found),
-                None if laser_saw is None else laser_saw.found,
-                geometry,
-                stamp_us,
-                self._map_frame,
-            )
+        with self._forgiving("fusion"):
+            with self._meter("fuse"):
+                detections = fuse(
+                    None if camera_saw is None else tracked_boxes(camera_saw.found),
+                    None if laser_saw is None else self._without_things(laser_saw),
+                    geometry,
+                    stamp_us,
+                    self._map_frame,
+                )
+            if laser_saw is not None:
+                centre_m = centres_on_map(laser_saw.found, laser_saw.map_T_sensor)
+                self._things.learn(stamp_us, centre_m, detections.position_m[detections.seen_by != LASER])
+            return [self._tracked_on_map(detections, max(each.sent_us for each in seen))]
+        return []
+
+    def _without_things(self, laser_saw: _Placed[LegClusters]) -> LegClusters:
+        return self._things.without(laser_saw.found, laser_saw.map_T_sensor)
+
+    def _tracked_on_map(self, detections: Detections, sent_us: int) -> PersonsAt:
         with self._meter("track on map"):
             states = self._map_tracker.step(detections)
-        return [PersonsAt(placed_well(states), max(each.sent_us for each in seen))]
+        return PersonsAt(self._told_only(placed_well(states)), sent_us)
+
+    def _told_only(self, states: TrackStates) -> TrackStates:
+        """Without the ends of tracks that nobody was told of."""
+        self._told.update(states.track.tolist())
+        self._told.update(track for one in states.amendments for track in (one.track, one.other))
+        ended = tuple(one for one in states.ended if one[0] in self._told)
+        self._told.difference_update(track for track, _ in ended)
+        return states if ended == states.ended else replace(states, ended=ended)
 
     def _persons_mark_us(self) -> int:
         """Up to where no state of a person is still to come."""
-        if self._roles.leg_detector is None or not self._roles.has_camera:
+        roles = self._roles
+        if roles.poses_given or roles.leg_detector is None or not roles.has_camera:
             return self._persons_us
         return self._synchroniser.watermark_us
 
@@ -381,23 +413,4 @@ def placed_well(states: TrackStates) -> TrackStates:
         covariance_m2=states.covariance_m2[kept],
         extent_m=states.extent_m[kept],
         heading_rad=states.heading_rad[kept],
-    )
-
-
-def persons_on_map(poses: PersonPoses, map_T_frame: NDArray[np.float64], map_frame: str) -> Detections:
-    """Persons that a robot has found by itself, as if both sensors had seen them."""
-    count = len(poses.position_m)
-    turn = map_T_frame[:2, :2]
-    covariance = turn @ poses.covariance_m2 @ turn.T
-    unknown = np.isnan(covariance).any(axis=(1, 2))
-    covariance[unknown] = np.eye(2) * POSE_STD_M**2
-    return Detections(
-        poses.stamp_us,
-        map_frame,
-        transform_points(map_T_frame, poses.position_m)[:, :2],
-        covariance,
-        poses.score,
-        np.full(count, BOTH, dtype=np.uint8),
-        np.full((count, 2), np.nan),
-        np.full(count, -1, dtype=np.int64),
     )

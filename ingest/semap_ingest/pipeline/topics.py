@@ -14,7 +14,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "camera_info": ("CameraInfo",),
     "boxes": ("Detection2DArray",),
     "poses": ("Detection3DArray", "PoseArray", "PoseWithCovarianceStamped", "PoseStamped"),
-    "transforms": ("TFMessage",),
+    "transforms": ("TFMessage", "tfMessage"),
     "odometry": ("Odometry",),
 }
 """By the type of their messages; where several types fit, the first that is there."""
@@ -40,43 +40,74 @@ class Parts:
         return {topic for topics in self.topics.values() for topic in topics}
 
 
-def cast_parts(topics: Sequence[Topic], named: Mapping[str, str]) -> Parts:
+def cast_parts(topics: Sequence[Topic], named: Mapping[str, str], *, looks_at_images: bool = True) -> Parts:
     """Give each part its topics: those that are named, else the one of a fitting type.
 
-    named   topics by part; an empty name leaves the part out
-    raises  InvalidInput for a part or a topic that is not there, and where several topics fit
+    Who has found persons is not asked to find them again: boxes stand in for images, poses for both, and tf
+    for odometry, unless the other is named, too.
+
+    named            topics by part; an empty name leaves the part out
+    looks_at_images  whether there is a detector for them
+    raises           InvalidInput for a part or a topic that is not there or does not fit, where several
+                     topics fit, and where there is nothing to find persons in
     """
-    known = {topic.name: topic for topic in topics if topic.count}
+    known = {topic.name: topic for topic in topics if topic.count and topic.is_read}
     for part, name in named.items():
-        if part not in PARTS:
-            raise InvalidInput(f"there is no part {part!r}", f"Choose from {', '.join(PARTS)}.", "--topic")
-        if name and name not in known:
-            raise InvalidInput(
-                f"the recording has no messages of the topic {name!r}",
-                f"It has {', '.join(sorted(known)) or 'none'}.",
-                "--topic",
-            )
-    cast: dict[str, tuple[str, ...]] = {}
-    for part, types in PARTS.items():
-        if part in named:
-            cast[part] = (named[part],) if named[part] else ()
-        elif part not in CHOSEN_BY_NAME_ONLY:
-            cast[part] = _by_type(part, types, known)
-    if not any(cast.get(part) for part in ("scan", "image", "boxes", "poses")):
+        _check_named(part, name, known)
+    cast: dict[str, tuple[str, ...]] = {part: (name,) if name else () for part, name in named.items()}
+
+    def has(part: str) -> bool:
+        return bool(cast.get(part))
+
+    def find(part: str, is_wanted: bool) -> None:
+        if part not in cast:
+            is_wanted = is_wanted and part not in CHOSEN_BY_NAME_ONLY
+            cast[part] = _by_type(part, known, cast.get("image", ())) if is_wanted else ()
+
+    find("scan", True)
+    find("poses", True)
+    find("boxes", not (has("poses") or has("image")))
+    find("image", looks_at_images and not (has("poses") or has("boxes")))
+    find("camera_info", has("image") or has("boxes"))
+    find("transforms", True)
+    find("odometry", not has("transforms"))
+    if has("image") and has("boxes"):
+        raise InvalidInput("both images and boxes are named", "Leave one of them out.", "--topic")
+    if not any(has(part) for part in ("scan", "image", "boxes", "poses")):
+        there = f"It has {', '.join(f'{t.name} ({t.type})' for t in topics) or 'no topics'}."
+        has_images = any(topic.type.endswith(PARTS["image"]) for topic in known.values())
         raise InvalidInput(
-            "the recording has neither scans nor images nor detections of persons",
-            f"It has {', '.join(f'{t.name} ({t.type})' for t in topics) or 'no topics'}.",
+            "the recording has neither scans nor images nor detections of persons that could be looked at",
+            f"Name a detector for its images: --camera-model FILE. {there}" if has_images else there,
         )
-    if cast.get("boxes") and "image" not in named:
-        cast["image"] = ()  # the robot has looked at its images itself
-    if cast.get("transforms") and "odometry" not in named:
-        cast["odometry"] = ()  # it is told by tf, too
     return Parts(cast)
 
 
-def _by_type(part: str, types: Sequence[str], known: Mapping[str, Topic]) -> tuple[str, ...]:
-    for type_name in types:
-        fitting = tuple(sorted(n for n, topic in known.items() if topic.type.split("/")[-1] == type_name))
+def _check_named(part: str, name: str, known: Mapping[str, Topic]) -> None:
+    if part not in PARTS:
+        raise InvalidInput(f"there is no part {part!r}", f"Choose from {', '.join(PARTS)}.", "--topic")
+    if not name:
+        return
+    if name not in known:
+        raise InvalidInput(
+            f"the recording has no messages of the topic {name!r} that semap reads",
+            f"It has {', '.join(sorted(known)) or 'none'}.",
+            "--topic",
+        )
+    if _kind(known[name]) not in PARTS[part]:
+        raise InvalidInput(
+            f"the topic {name!r} is of the type {known[name].type}",
+            f"For the part {part} name one of {', '.join(PARTS[part])}.",
+            "--topic",
+        )
+
+
+def _by_type(part: str, known: Mapping[str, Topic], images: Sequence[str]) -> tuple[str, ...]:
+    """Of several cameras, the one that has the images is meant."""
+    for type_name in PARTS[part]:
+        fitting = tuple(sorted(name for name, topic in known.items() if _kind(topic) == type_name))
+        if part == "camera_info" and len(fitting) > 1:
+            fitting = tuple(name for name in fitting if _is_beside(name, images)) or fitting
         if len(fitting) > 1 and part not in SEVERAL:
             raise InvalidInput(
                 f"several topics could be the {part}: {', '.join(fitting)}",
@@ -85,3 +116,15 @@ def _by_type(part: str, types: Sequence[str], known: Mapping[str, Topic]) -> tup
         if fitting:
             return fitting
     return ()
+
+
+def _is_beside(name: str, images: Sequence[str]) -> bool:
+    return any(_folder(image).startswith(_folder(name)) for image in images)
+
+
+def _kind(topic: Topic) -> str:
+    return topic.type.rpartition("/")[2]
+
+
+def _folder(name: str) -> str:
+    return name.rpartition("/")[0] + "/"

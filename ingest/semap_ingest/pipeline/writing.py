@@ -8,9 +8,9 @@ beginning and all is passed over that was committed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from uuid import UUID
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TypeVar
 
 import numpy as np
 import psycopg
@@ -19,12 +19,22 @@ from semap.errors import Conflict, NotFound
 from semap.store.database import translated
 from semap.timeline.stamp import day_of, to_datetime
 from semap_ingest.pipeline.found import Found, LinesAt
+from semap_ingest.pipeline.registration import Registered, persons_source
 from semap_ingest.replay import track_uid
 from semap_ingest.sensing.track_states import TrackStates
-from semap_ingest.state_copy import EXTENT_COLUMNS, pack_states
 
-ROLE = "semap_ingest"
-COPY_STATES = f"copy semap.track_state ({', '.join(EXTENT_COLUMNS)}) from stdin (format binary)"
+T = TypeVar("T")
+
+ADD_STATES = """
+    insert into semap.track_state
+      (track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m)
+    select track_id, stamp, x_m, y_m, %s, std_m, false,
+           nullif(heading_rad, 'NaN'), speed_mps,
+      length_m, width_m
+    from unnest(%s::bigint[], %s::timestamptz[], %s::float8[], %s::float8[], %s::float4[], %s::float4[],
+                %s::float4[], %s::float4[], %s::float4[])
+         s (track_id, stamp, x_m, y_m, std_m, heading_rad, speed_mps, length_m, width_m)
+"""
 ADD_LINES = """
     insert into semap.line_observation
       (source_id, stamp, x1_m, y1_m, x2_m, y2_m, z_m, angle_std_rad, offset_std_m, points)
@@ -36,73 +46,26 @@ ADD_TRACKS = """
     select uid, %s, %s, name from unnest(%s::uuid[], %s::text[]) t (uid, name)
     on conflict (source_id, name) do nothing
 """
-END_TRACKS = """
-    update semap.track k set ended_at = e.stamp
-    from unnest(%s::bigint[], %s::timestamptz[]) e (track_id, stamp)
-    where k.track_id = e.track_id
-"""
+FIND_TRACKS = "select name, track_id from semap.track where source_id = %s and name = any (%s)"
+END_TRACKS = "select semap.end_tracks(%s, %s::bigint[], %s::timestamptz[])"
 ADD_AMENDMENTS = """
     insert into semap.track_amendment (source_id, track_id, other_track_id, kind, since, found)
     select %s, a.* from unnest(%s::bigint[], %s::bigint[], %s::text[], %s::timestamptz[], %s::timestamptz[]) a
     on conflict do nothing
 """
-MOVE_WATERMARK = "update semap.source set watermark = greatest(watermark, %s) where source_id = %s"
+MOVE_WATERMARKS = """
+    update semap.source s set watermark = m.stamp
+    from unnest(%s::integer[], %s::timestamptz[]) m (source_id, stamp)
+    where s.source_id = m.source_id and (s.watermark is null or s.watermark < m.stamp)
+"""
+COUNT_RESULTS = """
+    update semap.recording set states_done = %s, finished_at = case when %s then clock_timestamp() end
+    where recording_id = %s
+"""
+IS_THERE = "select from semap.recording where recording_id = %s"
+END_SOURCES = "update semap.source set ended = true where source_id = any (%s)"
 MIDDLE_M = 0.9
 """Height of the middle of a person's body over the floor: within the height band of the room it stands in."""
-
-
-@dataclass(frozen=True)
-class Registered:
-    """The rows that a recording writes to.
-
-    done  results of it that have been committed
-    """
-
-    map_id: int
-    map_uid: UUID
-    persons_id: int
-    lines_id: int
-    recording_id: int
-    done: int
-    finished: bool
-
-
-def register(
-    connection: psycopg.Connection, map_name: str, source: str, path: str, fingerprint: str
-) -> Registered:
-    """Make the two sources and the recording, where they are missing.
-
-    raises  NotFound where there is no such map; Conflict where the source has tracks of another recording
-    """
-    with translated(), connection.transaction():
-        row = connection.execute("select map_id, uid from semap.map where name = %s", [map_name]).fetchone()
-        if row is None:
-            raise NotFound("map", map_name, "List them: semap map list")
-        map_id, map_uid = row
-        persons_id, lines_id = (
-            _source(connection, map_id, f"{source}/{part}") for part in ("persons", "lines")
-        )
-        other = connection.execute(
-            "select path from semap.recording where source_id = %s and fingerprint <> %s",
-            [persons_id, fingerprint],
-        ).fetchone()
-        if other is not None:
-            raise Conflict(
-                f"The source {source} has the tracks of another recording already: {other[0]}",
-                "Give this one a source of its own (--source NAME).",
-            )
-        connection.execute(
-            "insert into semap.recording (source_id, fingerprint, path) values (%s, %s, %s)"
-            " on conflict (source_id, fingerprint) do nothing",
-            [persons_id, fingerprint, path],
-        )
-        recording_id, done, finished = _row(
-            connection,
-            "select recording_id, states_done, finished_at is not null from semap.recording"
-            " where source_id = %s and fingerprint = %s",
-            [persons_id, fingerprint],
-        )
-    return Registered(map_id, map_uid, persons_id, lines_id, recording_id, done, bool(finished))
 
 
 class Writer:
@@ -113,7 +76,7 @@ class Writer:
     ) -> None:
         self._connection = connection
         self._registered = registered
-        self._source = f"{source}/persons"
+        self._source = persons_source(source)
         self._middle_m = floor_z_m + MIDDLE_M
         self._ids: dict[int, int] = {}
         self._days: set[int] = set()
@@ -123,43 +86,60 @@ class Writer:
 
         done     results of the recording that are in with it
         is_over  nothing more is to come: rules do not wait for these sources
+        raises   NotFound where the source was deleted meanwhile
         """
         states = [each.states for found in batch for each in found.persons]
         lines = [each for found in batch for each in found.lines if len(each.lines)]
-        self._make_partitions([*(each.stamp_us for each in states), *(each.lines.stamp_us for each in lines)])
-        with translated(), self._connection.transaction(), self._connection.cursor() as cursor:
-            self._write_states(cursor, states)
-            self._write_lines(cursor, lines)
-            self._move_watermarks(cursor, batch)
-            cursor.execute(
-                "update semap.recording set states_done = %s,"
-                " finished_at = case when %s then clock_timestamp() end where recording_id = %s",
-                [done, is_over, self._registered.recording_id],
-            )
-            if is_over:
-                cursor.execute(
-                    "update semap.source set ended = true where source_id = any (%s)",
-                    [[self._registered.persons_id, self._registered.lines_id]],
+        self._make_partitions(
+            [*(each.stamp_us for each in states if len(each)), *(each.lines.stamp_us for each in lines)]
+        )
+        try:
+            self._learn_tracks(states)
+            with _at_one_go(self._connection) as cursor:
+                counted = self._connection.execute(
+                    COUNT_RESULTS, [done, is_over, self._registered.recording_id]
                 )
+                self._write_states(cursor, states)
+                self._write_lines(cursor, lines)
+                self._move_watermarks(cursor, batch)
+                if is_over:
+                    self._end_sources(cursor)
+            is_there = counted.rowcount > 0
+        except Conflict:
+            is_there = self._is_there()
+            if is_there:
+                raise
+        if not is_there:
+            raise NotFound("source", f"{self._source} any more", "It was deleted: give the command again.")
+
+    def _is_there(self) -> bool:
+        with translated(), self._connection.transaction():
+            found = self._connection.execute(IS_THERE, [self._registered.recording_id]).fetchone()
+        return found is not None
+
+    def end_sources(self) -> None:
+        """Let rules not wait for these sources, though the recording is not over."""
+        with translated(), self._connection.transaction(), self._connection.cursor() as cursor:
+            self._end_sources(cursor)
+
+    def _end_sources(self, cursor: psycopg.Cursor) -> None:
+        cursor.execute(END_SOURCES, [[self._registered.persons_id, self._registered.lines_id]])
 
     def _write_states(self, cursor: psycopg.Cursor, states: Sequence[TrackStates]) -> None:
-        ended = [one for each in states for one in each.ended]
+        # at the moment at which that turned out: the one at which they were seen last may be past already
+        ended = [(self._ids[track], to_datetime(each.stamp_us)) for each in states for track, _ in each.ended]
         amendments = [one for each in states for one in each.amendments]
-        self._add_tracks(
-            cursor,
-            {
-                *(int(track) for each in states for track in each.track),
-                *(track for track, _ in ended),
-                *(track for one in amendments for track in (one.track, one.other)),
-            },
-        )
         seen = [each for each in states if len(each)]
         if seen:
-            with cursor.copy(COPY_STATES) as copy:
-                copy.write(self._pack(seen))
+            cursor.execute(ADD_STATES, [self._middle_m, *self._columns(seen)])
         if ended:
             cursor.execute(
-                END_TRACKS, [[self._ids[track] for track, _ in ended], [to_datetime(at) for _, at in ended]]
+                END_TRACKS,
+                [
+                    self._registered.persons_id,
+                    [track_id for track_id, _ in ended],
+                    [stamp for _, stamp in ended],
+                ],
             )
         if amendments:
             cursor.execute(
@@ -174,53 +154,51 @@ class Writer:
                 ],
             )
 
-    def _add_tracks(self, cursor: psycopg.Cursor, numbers: Collection[int]) -> None:
-        """Learn the ids of tracks; those that are not there yet are made."""
-        new = sorted(number for number in numbers if number not in self._ids)
+    def _learn_tracks(self, states: Sequence[TrackStates]) -> None:
+        """Learn the ids of tracks; those that are not there yet are made, which by itself tells nothing."""
+        numbers = {
+            *(int(track) for each in states for track in each.track),
+            *(track for each in states for track, _ in each.ended),
+            *(track for each in states for one in each.amendments for track in (one.track, one.other)),
+        }
+        new = sorted(numbers - self._ids.keys())
         if not new:
             return
         names = [f"person {track}" for track in new]
         uids = [track_uid(self._registered.map_uid, self._source, name) for name in names]
-        cursor.execute(ADD_TRACKS, [self._registered.persons_id, self._registered.map_id, uids, names])
-        cursor.execute(
-            "select name, track_id from semap.track where source_id = %s and name = any (%s)",
-            [self._registered.persons_id, names],
-        )
-        ids: dict[str, int] = dict(cursor.fetchall())
+        with translated(), self._connection.transaction(), self._connection.cursor() as cursor:
+            cursor.execute(ADD_TRACKS, [self._registered.persons_id, self._registered.map_id, uids, names])
+            cursor.execute(FIND_TRACKS, [self._registered.persons_id, names])
+            ids: dict[str, int] = dict(cursor.fetchall())
         self._ids.update((track, ids[name]) for track, name in zip(new, names, strict=True))
 
-    def _pack(self, states: Sequence[TrackStates]) -> bytes:
-        position = np.concatenate([each.position_m for each in states])
+    def _columns(self, states: Sequence[TrackStates]) -> list[list[object]]:
+        """As ADD_STATES wants them: from the track's id to its width."""
         velocity = np.concatenate([each.velocity_mps for each in states])
         covariance = np.concatenate([each.covariance_m2 for each in states])
-        extent = np.concatenate([each.extent_m for each in states])
-        count = len(position)
-        return pack_states(
-            np.array([self._ids[int(t)] for each in states for t in each.track], dtype=np.int64),
-            np.concatenate([np.full(len(each), each.stamp_us) for each in states]),
-            position[:, 0],
-            position[:, 1],
-            np.full(count, self._middle_m),
+        return [
+            [self._ids[int(track)] for each in states for track in each.track],
+            _repeated([to_datetime(each.stamp_us) for each in states], [len(each) for each in states]),
+            *np.concatenate([each.position_m for each in states]).T.tolist(),
             # of one axis: what a circle of the same area as the ellipse has
-            np.linalg.det(covariance) ** 0.25,
-            np.zeros(count, dtype=np.bool_),
-            heading_rad=np.concatenate([each.heading_rad for each in states]),
-            speed_mps=np.hypot(velocity[:, 0], velocity[:, 1]),
-            length_m=extent[:, 0],
-            width_m=extent[:, 1],
-        )
+            (np.maximum(np.linalg.det(covariance), 0.0) ** 0.25).tolist(),
+            np.concatenate([each.heading_rad for each in states]).tolist(),
+            np.hypot(velocity[:, 0], velocity[:, 1]).tolist(),
+            *np.concatenate([each.extent_m for each in states]).T.tolist(),
+        ]
 
     def _write_lines(self, cursor: psycopg.Cursor, found: Sequence[LinesAt]) -> None:
         if not found:
             return
         ends = np.concatenate([each.lines.ends_m for each in found]).reshape(-1, 4)
+        counts = [len(each.lines) for each in found]
         cursor.execute(
             ADD_LINES,
             [
                 self._registered.lines_id,
-                [to_datetime(each.lines.stamp_us) for each in found for _ in range(len(each.lines))],
+                _repeated([to_datetime(each.lines.stamp_us) for each in found], counts),
                 *(ends[:, column].tolist() for column in range(4)),
-                [each.z_m for each in found for _ in range(len(each.lines))],
+                _repeated([each.z_m for each in found], counts),
                 np.concatenate([each.lines.angle_std_rad for each in found]).tolist(),
                 np.concatenate([each.lines.offset_std_m for each in found]).tolist(),
                 np.concatenate([each.lines.points for each in found]).tolist(),
@@ -228,13 +206,17 @@ class Writer:
         )
 
     def _move_watermarks(self, cursor: psycopg.Cursor, batch: Sequence[Found]) -> None:
-        for source_id, marks in (
-            (self._registered.persons_id, [found.persons_watermark_us for found in batch]),
-            (self._registered.lines_id, [found.lines_watermark_us for found in batch]),
-        ):
-            known = [mark for mark in marks if mark is not None]
-            if known:
-                cursor.execute(MOVE_WATERMARK, [to_datetime(max(known)), source_id])
+        marks_us = {
+            self._registered.persons_id: [found.persons_watermark_us for found in batch],
+            self._registered.lines_id: [found.lines_watermark_us for found in batch],
+        }
+        latest = {
+            source_id: to_datetime(max(mark for mark in marks if mark is not None))
+            for source_id, marks in marks_us.items()
+            if any(mark is not None for mark in marks)
+        }
+        if latest:
+            cursor.execute(MOVE_WATERMARKS, [list(latest), list(latest.values())])
 
     def _make_partitions(self, stamps_us: Sequence[int]) -> None:
         days = {day_of(stamp_us).toordinal(): day_of(stamp_us) for stamp_us in stamps_us}
@@ -245,18 +227,19 @@ class Writer:
             self._days |= days.keys()
 
 
-def _source(connection: psycopg.Connection, map_id: int, name: str) -> int:
-    connection.execute(
-        "insert into semap.source (map_id, name) values (%s, %s) on conflict (map_id, name) do nothing",
-        [map_id, name],
-    )
-    (source_id,) = _row(
-        connection, "select source_id from semap.source where map_id = %s and name = %s", [map_id, name]
-    )
-    return source_id
+@contextmanager
+def _at_one_go(connection: psycopg.Connection) -> Iterator[psycopg.Cursor]:
+    """A transaction whose statements are sent without waiting for their answers: what they cost is one way
+    to the server and back, however many they are."""
+    with translated():
+        try:
+            with connection.pipeline(), connection.transaction(), connection.cursor() as cursor:
+                yield cursor
+        except psycopg.Error:
+            with suppress(psycopg.Error):  # it may be gone
+                connection.rollback()
+            raise
 
 
-def _row(connection: psycopg.Connection, statement: str, parameters: list[object]) -> tuple[int, ...]:
-    row = connection.execute(statement, parameters).fetchone()
-    assert row is not None  # noqa: S101  (it was there, or a statement before made it)
-    return tuple(row)
+def _repeated(values: Sequence[T], counts: Sequence[int]) -> list[T]:
+    return [value for value, count in zip(values, counts, strict=True) for _ in range(count)]

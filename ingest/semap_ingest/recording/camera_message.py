@@ -21,13 +21,13 @@ class Layout:
     """How an encoding of sensor_msgs/image_encodings.hpp lies in memory.
 
     red_green_blue  which channel each colour is taken from
-    yuv             OpenCV's name of the conversion, where the channels are no colours
+    conversion      OpenCV's name of it, where the channels are no colours
     """
 
     bytes: int
     channels: int
     red_green_blue: tuple[int, int, int] = (0, 1, 2)
-    yuv: str = ""
+    conversion: str = ""
 
 
 GREY, REVERSED = (0, 0, 0), (2, 1, 0)
@@ -45,10 +45,15 @@ LAYOUTS: Mapping[str, Layout] = {
     "bgr16": Layout(2, 3, REVERSED),
     "bgra16": Layout(2, 4, REVERSED),
     "mono16": Layout(2, 1, GREY),
-    "yuv422": Layout(1, 2, yuv="COLOR_YUV2RGB_UYVY"),
-    "uyvy": Layout(1, 2, yuv="COLOR_YUV2RGB_UYVY"),
-    "yuv422_yuy2": Layout(1, 2, yuv="COLOR_YUV2RGB_YUYV"),
-    "yuyv": Layout(1, 2, yuv="COLOR_YUV2RGB_YUYV"),
+    "yuv422": Layout(1, 2, conversion="COLOR_YUV2RGB_UYVY"),
+    "uyvy": Layout(1, 2, conversion="COLOR_YUV2RGB_UYVY"),
+    "yuv422_yuy2": Layout(1, 2, conversion="COLOR_YUV2RGB_YUYV"),
+    "yuyv": Layout(1, 2, conversion="COLOR_YUV2RGB_YUYV"),
+    **{
+        f"bayer_{pattern}{8 * size}": Layout(size, 1, conversion=f"COLOR_Bayer{pattern.upper()}2RGB")
+        for pattern in ("rggb", "bggr", "gbrg", "grbg")
+        for size in (1, 2)
+    },
 }
 
 LENGTHS: Mapping[str, tuple[Model, tuple[int, ...]]] = {
@@ -59,6 +64,8 @@ LENGTHS: Mapping[str, tuple[Model, tuple[int, ...]]] = {
     "fisheye": ("equidistant", (4,)),
 }
 """By name in CameraInfo: the model, and how many coefficients it may have."""
+MOST_USED = 8
+"""Of the coefficients: what OpenCV has after them is for thin prisms and tilted sensors."""
 
 
 def decode_image(message: Any, log_us: int) -> Image:
@@ -70,7 +77,7 @@ def decode_image(message: Any, log_us: int) -> Image:
     if layout is None:
         raise Unusable(f"the encoding {message.encoding!r} is not one of {', '.join(LAYOUTS)}")
     stored = _stored(message, layout)
-    pixels = _from_yuv(stored, layout.yuv) if layout.yuv else _picked(stored, layout)
+    pixels = _converted(stored, layout) if layout.conversion else _picked(stored, layout)
     return Image(stamp_us(message.header.stamp, log_us), frame_name(message.header.frame_id), pixels)
 
 
@@ -96,7 +103,8 @@ def decode_camera(message: Any, _: int) -> Camera:
         raise Unusable("the camera is not calibrated: its matrix K has no focal length")
     model: Model = "plumb_bob"
     if distortion.any():
-        model = _model(message.distortion_model, len(distortion))
+        model = _model(message.distortion_model, distortion)
+        distortion = distortion[:MOST_USED]
     else:
         distortion = np.zeros(0)
     area, binning = message.roi, np.maximum((message.binning_x, message.binning_y), 1)
@@ -137,22 +145,30 @@ def _picked(stored: NDArray[Any], layout: Layout) -> NDArray[np.uint8]:
     return pixels
 
 
-def _from_yuv(stored: NDArray[np.uint8], conversion: str) -> NDArray[np.uint8]:
-    if stored.shape[1] % 2:
+def _converted(stored: NDArray[Any], layout: Layout) -> NDArray[np.uint8]:
+    height, width = stored.shape[:2]
+    if layout.channels == 2 and width % 2:
         raise Unusable("two pixels share their colour in YUV 4:2:2, and this image has an odd width")
+    if layout.channels == 1 and min(height, width) < 3:
+        raise Unusable("a Bayer pattern of less than 3 x 3 pixels has no colours")
     try:
         import cv2  # noqa: PLC0415
     except ImportError as error:
-        raise Unusable("converting YUV needs OpenCV: pip install 'semap[perception]'") from error
-    return np.asarray(cv2.cvtColor(np.ascontiguousarray(stored), getattr(cv2, conversion)), np.uint8)
+        raise Unusable("converting YUV or Bayer needs OpenCV: pip install 'semap[perception]'") from error
+    eight_bits = stored if layout.bytes == 1 else (stored >> 8).astype(np.uint8)
+    conversion = getattr(cv2, layout.conversion)
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(eight_bits), conversion), np.uint8)
 
 
-def _model(name: str, length: int) -> Model:
+def _model(name: str, distortion: NDArray[np.float64]) -> Model:
+    length = len(distortion)
     model, lengths = LENGTHS.get(name, (None, ()))
     if model is None:
         raise Unusable(f"the distortion model {name!r} is not one of {', '.join(get_args(Model))}")
     if length not in lengths:
         raise Unusable(f"the distortion model {name!r} with {length} coefficients")
+    if distortion[MOST_USED:].any():
+        raise Unusable(f"the distortion model {name!r} with terms for a thin prism or a tilted sensor")
     return model
 
 

@@ -10,6 +10,10 @@ track's person than that the person was missed and the detection is of somebody 
 with N the normal density where the track is expected. The longer a person was not seen, the less likely
 it is that it is seen now. Odds of the image track come on top. Where the cost is not below zero, or the
 detection outside of the gate, no pair is made.
+
+A track may have slipped from its person's legs to what stands beside them, a post or the edge of a leaf. So
+the detection that has its image track may lie outside of the gate: then the place of the track is taken to
+be less certain by `slip_m`, and such a pair says that it was.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from numpy.typing import NDArray
 from semap_ingest.sensing.detections import Detections
 from semap_ingest.tracking.assignment import Indices, assign
 from semap_ingest.tracking.deletion import Patience
-from semap_ingest.tracking.kalman import distances
+from semap_ingest.tracking.kalman import Distances, distances
 from semap_ingest.tracking.map_tracks import MapTracks
 
 Floats = NDArray[np.float64]
@@ -41,6 +45,7 @@ class Association:
     same_image_track       log odds when the detection has the image track that the track had
     other_image_track      log odds, against, when it has another one
     taken_image_track      log odds, against, when another track had it
+    slip_m                 how far a track may have slipped, as a standard deviation
     rival_margin           two tracks were rivals where exchanging their detections, or giving the one's to
                            the other that has none, would have cost at most so much more, by place alone
     """
@@ -54,6 +59,7 @@ class Association:
     same_image_track: float = 3.0
     other_image_track: float = 1.0
     taken_image_track: float = 2.0
+    slip_m: float = 0.3
     rival_margin: float = 14.0
 
 
@@ -61,11 +67,13 @@ class Association:
 class Pairs:
     """Rows of tracks and of the detections that are theirs, and which tracks could be mistaken.
 
-    rivals  (r, 2) rows of tracks; the first has a detection, for which no image track spoke
+    has_slipped  of each pair: the track had been beside its person
+    rivals       (r, 2) rows of tracks; the first has a detection, for which no image track spoke
     """
 
     track: Indices
     detection: Indices
+    has_slipped: NDArray[np.bool_]
     rivals: Indices
 
 
@@ -87,6 +95,14 @@ def associate(
         detections.stamp_us - tracks.image_seen_us <= patience.by_image_us
     )
     is_same = has_image[:, None] & (tracks.image_track[:, None] == detections.image_track)
+    slipped = is_same & (distance.squared > settings.gate)
+    if slipped.any():
+        slip_m2 = settings.slip_m**2 * np.eye(2)
+        wider = distances(tracks.motion, detections.position_m, covariance_m2 + slip_m2)
+        distance = Distances(
+            np.where(slipped, wider.squared, distance.squared),
+            np.where(slipped, wider.log_determinant, distance.log_determinant),
+        )
     can_be = (distance.squared <= settings.gate) & ((unseen_us <= patience.confirmed_us)[:, None] | is_same)
     by_place = np.where(can_be, distance.squared + distance.log_determinant, np.inf)
     cost = by_place + 2 * math.log(2 * math.pi)
@@ -96,7 +112,7 @@ def associate(
     rows, columns = assign(cost, 0.0)
     extra = np.where(detections.image_track[columns] < 0, _extra(by_place, rows, columns), np.inf)
     other, pair = np.nonzero(extra <= settings.rival_margin)
-    return Pairs(rows, columns, np.column_stack([rows[pair], other]))
+    return Pairs(rows, columns, slipped[rows, columns], np.column_stack([rows[pair], other]))
 
 
 def _detection_log_odds(tracks: MapTracks, unseen_us: Indices, settings: Association) -> Floats:

@@ -34,7 +34,7 @@ class Initiation:
 
     points: int = 4
     frames: int = 8
-    least_score: float = 0.4
+    least_score: float = 0.25
     laser_walking_score: float = 0.55
     laser_standing_score: float = 0.75
     walked_m: float = 0.4

@@ -72,6 +72,19 @@ def distances(states: Gaussians, measured: Floats, covariance: Floats) -> Distan
     return Distances(squared, np.log(determinant))
 
 
+def less_certain(states: Gaussians, which: NDArray[np.bool_], std_m: float) -> Gaussians:
+    """The same with the positions of some known worse than was thought: their motion is not to blame.
+
+    which  (n,)
+    """
+    if not which.any():
+        return states
+    axes = states.mean.shape[1] // 2
+    covariance = states.covariance.copy()
+    covariance[which, :axes, :axes] += std_m**2 * np.eye(axes)
+    return Gaussians(states.mean, covariance)
+
+
 def update(states: Gaussians, measured: Floats, covariance: Floats) -> Gaussians:
     """n tracks, each with its own measurement; in Joseph's form, which stays positive definite.
 

@@ -26,7 +26,7 @@ from semap_ingest.tracking.deletion import Patience, is_over
 from semap_ingest.tracking.detection_rows import check, chosen, in_order
 from semap_ingest.tracking.footprint import Body, heading, next_extent
 from semap_ingest.tracking.initiation import Initiation, begin, confirm, points_of
-from semap_ingest.tracking.kalman import predict, update
+from semap_ingest.tracking.kalman import less_certain, predict, update
 from semap_ingest.tracking.map_tracks import UNCONFIRMED, MapTracks, no_tracks
 from semap_ingest.tracking.walking import Walking, sway_covariance
 
@@ -78,7 +78,8 @@ class MapTracker:
         covariance_m2 = sway_m2[:, None] + detections.covariance_m2[None, :]
         pairs = associate(tracks, detections, covariance_m2, settings.association, settings.patience)
         rivals = _numbers_of_rivals(tracks, pairs)
-        tracks = _updated(tracks, detections, pairs, covariance_m2, settings.body)
+        slip_m = settings.association.slip_m
+        tracks = _updated(tracks, detections, pairs, covariance_m2, settings.body, slip_m)
         fresh = unassigned(len(detections), pairs.detection)
         if len(fresh):
             near = tracks.mean[pairs.track, :2]
@@ -130,7 +131,12 @@ class MapTracker:
 
 
 def _updated(
-    tracks: MapTracks, detections: Detections, pairs: Pairs, covariance_m2: Floats, body: Body
+    tracks: MapTracks,
+    detections: Detections,
+    pairs: Pairs,
+    covariance_m2: Floats,
+    body: Body,
+    slip_m: float,
 ) -> MapTracks:
     """The tracks after what they were detected as.
 
@@ -141,7 +147,8 @@ def _updated(
         return tracks
     seen = tracks if len(rows) == len(tracks) else tracks.chosen(rows)
     stamp_us = detections.stamp_us
-    motion = update(seen.motion, detections.position_m[columns], covariance_m2[rows, columns])
+    before = less_certain(seen.motion, pairs.has_slipped, slip_m)
+    motion = update(before, detections.position_m[columns], covariance_m2[rows, columns])
     step_s = (stamp_us - seen.seen_us)[:, None] / 1e6
     extent_m, extent_m2 = next_extent(
         seen.extent_m, seen.extent_m2, detections.extent_m[columns], step_s, body

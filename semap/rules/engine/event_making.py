@@ -36,6 +36,7 @@ class EventMaker:
         declaration = rule.declaration
         self._map_id, self._name, self._version = rule.map_id, rule.name, rule.version
         self._identity = EventIdentity(rule.name, rule.version, declaration)
+        self._about = declaration.about
         self._edges = isinstance(declaration.body, Edges)
         partition_by = declaration.partition_by
         self._by_track = tuple(partition_by) == ("track",)
@@ -55,6 +56,8 @@ class EventMaker:
                 of_track = values
             if values.get("instance_id") is not None:
                 of_instance = values
+        if self._about is not None:
+            of_instance = self._subject(match)
         return Event(
             self._event_id(key, match),
             self._map_id,
@@ -79,7 +82,7 @@ class EventMaker:
         rows = [row for _, row in match.rows]
         since_us = self._since_us(match)
         of_track = _last_with(rows, "track_id")
-        of_instance = _last_with(rows, "instance_id")
+        of_instance = self._subject(match)
         values: dict[str, Value] = {
             "input": event.rule_name,
             "type": event.type,
@@ -96,6 +99,11 @@ class EventMaker:
             values.pop("rooms", None)
         concepts = next((row.concepts for row in reversed(rows) if row.values is of_instance), ())
         return Row(known_us, RANKS["event"], str(event.event_id), "event", values, concepts)
+
+    def _subject(self, match: Match) -> Mapping[str, Value]:
+        """The values of the row whose instance the event is about."""
+        rows = [row for variable, row in match.rows if self._about in (None, variable)]
+        return _last_with(rows or [row for _, row in match.rows], "instance_id")
 
     def _since_us(self, match: Match) -> int:
         """When the first row was; for a row of its own, when the relation or the former state began."""

@@ -130,6 +130,17 @@ def read_windows(value: object, variables: Collection[str]) -> Windows:
     )
 
 
+def read_about(value: object, variables: Collection[str]) -> str | None:
+    """The variable whose instance an event is about."""
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise InvalidInput("a variable is needed", "For example: about: R", "about")
+    if value not in variables:
+        raise unknown(f"no row is bound to {value}", value, sorted(variables), "about")
+    return value
+
+
 def read_after_match(value: object, variables: Collection[str]) -> AfterMatch:
     """Where the next match may begin."""
     if value is None:

@@ -25,6 +25,7 @@ from semap.rules.declaration import (
 from semap.rules.engine.needs import OF_ACTOR, properties_read
 from semap.rules.language import formula_text, pattern_text
 from semap.rules.language.clauses import (
+    read_about,
     read_after_match,
     read_confidence,
     read_inputs,
@@ -41,7 +42,7 @@ from semap.rules.language.words import read_identifier, read_name, read_variable
 ALWAYS = ("name", "input", "where", "partition_by", "measures", "emit")
 CLAUSES: Mapping[type[Body], tuple[str, ...]] = {
     Edges: ALWAYS,
-    RowPattern: (*ALWAYS, "pattern", "define", "within", "after_match", "confidence"),
+    RowPattern: (*ALWAYS, "pattern", "define", "within", "after_match", "about", "confidence"),
     IntervalPattern: (*ALWAYS, "pattern", "define", "within", "confidence"),
     TemporalFormula: (*ALWAYS, "formula", "when", "define", "confidence"),
 }
@@ -108,6 +109,7 @@ def parse_declaration(document: object, name: str | None = None) -> Declaration:
         measures=_measures(clauses.get("measures"), names.bound),
         within=read_windows(clauses.get("within"), names.bound | names.absent),
         after_match=read_after_match(clauses.get("after_match"), names.bound),
+        about=read_about(clauses.get("about"), names.bound),
         confidence=read_confidence(clauses.get("confidence"), names.bound),
         document={clause: value for clause, value in clauses.items() if clause != "name"},
     )

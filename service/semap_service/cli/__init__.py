@@ -13,6 +13,7 @@ from semap_service.cli import (
     concepts,
     database,
     demo,
+    doors,
     evaluate,
     event_log,
     events,
@@ -24,6 +25,7 @@ from semap_service.cli import (
     recording,
     rules,
     simulate,
+    tracks,
 )
 
 HELP = """
@@ -64,6 +66,8 @@ def commands() -> typer.Typer:
     app.command("events")(events.events)
     app.add_typer(queries.commands(), name="query")
     app.add_typer(rules.commands(), name="rule")
+    app.add_typer(tracks.commands(), name="track")
+    app.add_typer(doors.commands(), name="door")
     app.command("recompute")(recompute.recompute)
     app.add_typer(event_log.log_commands(), name="log")
     app.add_typer(event_log.plot_commands(), name="plot")

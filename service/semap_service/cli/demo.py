@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from semap_service.supervisor import Supervisor
 
 CAUGHT_UP_S = 30.0
+FIRST_SCENE = 4
+"""Number of the first scene with finished tracks."""
+
 SINCE = """
     select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance, e.key,
            e.measures, e.confidence, null as verdict, null as amended_by
@@ -43,10 +47,10 @@ def demo(
     fast: Annotated[bool, typer.Option("--fast", help="Do not replay at a pace.")] = False,
     port: Annotated[int, typer.Option(help="Port of the service; 0 for any free one.", min=0, max=65535)] = 0,
 ) -> None:
-    """Show the whole way: buildings and movement go in, events come out.
+    """Show the whole way: buildings, recordings and movement go in, events come out.
 
     Runs PostGIS, the rule worker and the service for itself, in a folder that is gone afterwards; your
-    own maps are not touched.
+    own maps are not touched. A recording of a simulated office is made at first use and kept in the cache.
     """
     from semap_service.demo.scenes import scenes  # noqa: PLC0415
     from semap_service.port import free_port, require_free  # noqa: PLC0415
@@ -62,9 +66,11 @@ def demo(
         supervisor.start("work")
         supervisor.start("serve", "--port", str(port))
         typer.echo(f"2. The rule worker and the service: http://127.0.0.1:{port}/")
+        typer.echo("3. persons and doors that a robot's camera and laser see (simulated)")
+        _play_recording(dsn, fast)
         events = 0
         chosen = scenes(data)
-        for number, scene in enumerate(chosen, 3):
+        for number, scene in enumerate(chosen, FIRST_SCENE):
             typer.echo(f"{number}. {scene.title}")
             events = _play(dsn, supervisor, scene, None if fast else scene.pace)
         _say_what_next(events, len(chosen), port, stay)
@@ -72,6 +78,19 @@ def demo(
             stop = stop_signal()
             while not stop.wait(CHECK_S):
                 supervisor.check()
+
+
+def _play_recording(dsn: str, fast: bool) -> None:
+    from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+    from semap_service.demo.recorded_office import PACE, play_recorded_office  # noqa: PLC0415
+    from semap_service.perception_extra import REMEDY, missing_packages  # noqa: PLC0415
+
+    missing = missing_packages()
+    if missing:
+        typer.echo(f"   Left out, since it needs {', '.join(missing)}: {REMEDY}")
+        return
+    with progress_bar("tenths of a second") as advance:
+        play_recorded_office(dsn, None if fast else PACE, lambda line: typer.echo(f"   {line}"), advance)
 
 
 def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) -> int:
@@ -136,7 +155,9 @@ def _bring_in(dsn: str, scene: Scene) -> None:
         report = import_building(connection, scene.name, scene.building)
         for template in scene.rules:
             add_rule(connection, scene.name, read_declaration(fill(template)))
-    for line in report_lines(report):
+    # a door drawn as a line has no heights, which is of no weight here
+    shown = tuple(finding for finding in report.findings if finding.action != "note")
+    for line in report_lines(replace(report, findings=shown)):
         typer.echo(f"   {line}")
     if scene.rules:
         typer.echo(f"   Rules: room_visits, {', '.join(scene.rules)} (each `semap rule template NAME`).")
@@ -186,7 +207,7 @@ def _all_made(reader: psycopg.Connection, map_name: str) -> bool:
 
 
 def _say_what_next(events: int, scenes: int, port: int, stay: bool) -> None:
-    typer.echo(f"{3 + scenes}. Done: {events} events.")
+    typer.echo(f"{FIRST_SCENE + scenes}. Done: {events} events.")
     if stay:
         typer.echo(f"   The service stays up until Ctrl-C. Try, for example:\n"
                    f"     curl 'http://127.0.0.1:{port}/rooms?map=office'\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -43,23 +44,24 @@ def office(
     tf) is made at first use and kept in the cache. PostGIS, the rule worker and all else run for it alone.
     One play takes half a minute, in real time (delays, repeat) one and a half.
     """
-    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap_service.perception_extra import require_perception  # noqa: PLC0415
+
+    chosen = part or ["detection", "throughput"]
+    _require(chosen, folder, data)
+    require_perception("playing recordings")
+
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
     from semap_service.evaluation.office import Stage, evaluate  # noqa: PLC0415
     from semap_service.evaluation.report import table, write  # noqa: PLC0415
     from semap_service.supervisor import Supervisor  # noqa: PLC0415
     from semap_service.temporary_server import temporary_server  # noqa: PLC0415
 
-    chosen = part or ["detection", "throughput"]
-    for each in chosen:
-        if each not in PARTS:
-            raise InvalidInput(f"there is no part {each}", f"Choose from {', '.join(PARTS)}.")
     failed = []
     with temporary_server("evaluate") as dsn, Supervisor(dsn) as supervisor:
         supervisor.start("work")
         for name in chosen:
             typer.echo(f"{name} ...")
-            with progress_bar("frames of the recording") as advance:
+            with progress_bar("tenths of a second of the recording") as advance:
                 stage = Stage(dsn, lambda line: typer.echo(line, err=True), advance)
                 report = evaluate(stage, name, seeds=seeds, plays=plays, people=PEOPLE, data=data)
             typer.echo(f"\n{name} (aim: {report.aim}): {'holds' if report.holds else 'DOES NOT HOLD'}")
@@ -73,6 +75,27 @@ def office(
     if failed:
         typer.echo(f"Short of the aim: {', '.join(failed)}.", err=True)
         raise typer.Exit(1)
+
+
+def _require(parts: list[str], folder: Path, data: Path | None) -> None:
+    """raises InvalidInput, before anything is measured, where a part cannot be or its report not be kept"""
+    from semap.errors import InvalidInput  # noqa: PLC0415
+
+    for each in parts:
+        if each not in PARTS:
+            raise InvalidInput(f"there is no part {each}", f"Choose from {', '.join(PARTS)}.")
+    if "scans" in parts and not (data is not None and (data / "laser_people").is_dir()):
+        raise InvalidInput(
+            "scans needs the real data sets", "Name their folder, with laser_people/ in it: --data FOLDER"
+        )
+    if find_spec("matplotlib") is None:
+        raise InvalidInput("drawing needs matplotlib", "pip install 'semap[plot]'")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(
+            f"{folder} cannot be made: {error.strerror}", "Choose another folder: --out FOLDER"
+        ) from error
 
 
 def _nothing() -> None:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from threading import Event as Signal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semap_service.cli.output import counted, print_json
 from semap_service.cli.session import AsJson, Dsn, database
+
+if TYPE_CHECKING:
+    from semap_ingest.pipeline.ingest_recording import Ingested
 
 MIRROR_WAIT_S = 10.0
 
@@ -223,6 +230,13 @@ def recording(
     cuda: Annotated[
         bool, typer.Option("--cuda", help="Run the detector on a GPU (onnxruntime-gpu).")
     ] = False,
+    person_class: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What the robot calls persons, where it has found them by itself. More than once."
+            " [default: person, pedestrian, human, people]"
+        ),
+    ] = None,
     realtime: Annotated[
         float | None, typer.Option(help="Play at the recording's pace times this factor.", min=0.001)
     ] = None,
@@ -236,6 +250,7 @@ def recording(
     after a crash it goes on where it was.
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
+    from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
 
     from semap.errors import InvalidInput  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
@@ -257,14 +272,45 @@ def recording(
         image_model=camera_model,
         providers=("CUDAExecutionProvider", "CPUExecutionProvider") if cuda else ("CPUExecutionProvider",),
         images_hz=images_hz,
+        person_classes=tuple(person_class or PERSON_CLASSES),
     )
-    with database(dsn) as opened, progress_bar("tenths of a second", quiet=as_json) as advance:
-        done = ingest_recording(opened, plan, advance)
+    with (
+        database(dsn) as opened,
+        progress_bar("tenths of a second", quiet=as_json) as advance,
+        interruptible() as stop,
+    ):
+        done = ingest_recording(opened, plan, advance, stop)
     if as_json:
         print_json(asdict(done))
-        return
+    else:
+        _print_ingested(done, map_name)
+    if not done.is_whole:
+        typer.echo("Stopped before the end. Give the same command again, and it goes on.", err=True)
+        raise typer.Exit(130)
+
+
+@contextmanager
+def interruptible() -> Iterator[Signal]:
+    """Set by Ctrl-C; a second one ends the command at once."""
+    stop = Signal()
+
+    def interrupted(number: int, frame: object) -> None:
+        stop.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, interrupted)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _print_ingested(done: Ingested, map_name: str) -> None:
     if done.resumed_at:
-        typer.echo(f"{done.resumed_at} results had been written before.")
+        typer.echo(f"{counted(done.resumed_at, 'result')} had been written before.")
+    if done.is_whole and not done.records:
+        typer.echo("All of the recording is in: nothing is left to do.")
+        return
     typer.echo(
         f"{done.length_s:.0f} s with {done.records} records: {done.states} states of"
         f" {counted(done.tracks, 'person')} and {done.lines} lines written to map {map_name}."

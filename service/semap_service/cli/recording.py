@@ -23,7 +23,7 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """List the topics of a recording, and which part each can play for `semap ingest recording`."""
-    from semap_ingest.pipeline.topics import PARTS  # noqa: PLC0415
+    from semap_ingest.pipeline.topics import CHOSEN_BY_NAME_ONLY, PARTS  # noqa: PLC0415
     from semap_ingest.recording.reading import Recording  # noqa: PLC0415
 
     from semap.timeline.stamp import to_datetime  # noqa: PLC0415
@@ -45,11 +45,12 @@ def info(
         print_json({"start": start.isoformat(), "end": end.isoformat(), "topics": rows})
         return
     typer.echo(f"{start:%Y-%m-%d %H:%M:%S} to {end:%Y-%m-%d %H:%M:%S}, {(end - start).total_seconds():.1f} s")
-    width = max(len(str(row["topic"])) for row in rows)
+    width = max((len(str(row["topic"])) for row in rows), default=0)
     for row in rows:
-        typer.echo(
-            f"  {row['topic']:<{width}}  {row['messages']:>8}  {row['part'] or '-':<12}  {row['type']}"
-        )
+        part = f"({row['part']})" if row["part"] in CHOSEN_BY_NAME_ONLY else row["part"] or "-"
+        typer.echo(f"  {row['topic']:<{width}}  {row['messages']:>8}  {part:<12}  {row['type']}")
+    if any(row["part"] in CHOSEN_BY_NAME_ONLY for row in rows):
+        typer.echo("  (in brackets: only where it is named, as in --topic poses=TOPIC)")
 
 
 def _nothing() -> None:

@@ -106,7 +106,9 @@ def _track_eval_metrics() -> tuple[Any, Any, Any]:
     try:
         from trackeval.metrics import CLEAR, HOTA, Identity  # noqa: PLC0415
     except ImportError as cause:
-        raise InvalidInput("TrackEval is not installed", "pip install 'semap[dev]'") from cause
+        raise InvalidInput(
+            "TrackEval is not installed", "pip install --no-deps trackeval pycocotools tabulate"
+        ) from cause
     quiet = {"THRESHOLD": 0.5, "PRINT_CONFIG": False}
     return CLEAR(quiet), Identity(quiet), HOTA()
 

@@ -75,8 +75,8 @@ def office_rules() -> list[str]:
     """Who enters and leaves, what doors do, and what of both belongs together: texts in YAML."""
     folder = files("semap_service.evaluation") / "office_rules"
     texts = [each.read_text() for each in folder.iterdir() if each.name.endswith(".yaml")]
-    # what other rules read comes first
-    return sorted(texts)
+    # what others read comes first
+    return sorted(texts, key=lambda text: ("{rule:" in text, text))
 
 
 def play(

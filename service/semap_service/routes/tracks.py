@@ -10,7 +10,19 @@ from pydantic import Field
 
 from semap.store import tracks
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Id, Limit, MapFilter, Name, Next, Stamp, next_after
+from semap_service.document import (
+    After,
+    Document,
+    Id,
+    Limit,
+    MapFilter,
+    Name,
+    Next,
+    PolygonDocument,
+    Stamp,
+    area_document,
+    next_after,
+)
 from semap_service.problem import problems
 from semap_service.transaction import Database, transaction
 
@@ -25,6 +37,13 @@ class TrackStateDocument(Document):
     y_m: float
     z_m: float | None = Field(description="null where its source does not know heights.")
     std_m: float | None = Field(description="Standard deviation along each axis [m]; null: unknown.")
+    heading_rad: float | None = Field(description="Where it faces, from x towards y; null: unknown.")
+    speed_mps: float | None
+    length_m: float | None = Field(description="Of the body, along its heading; null: unknown.")
+    width_m: float | None
+    footprint: PolygonDocument | None = Field(
+        description="The ground that it covers; null where its extent is not known."
+    )
 
 
 class TrackDocument(Document):
@@ -82,5 +101,11 @@ def _document(track: tracks.Track) -> TrackDocument:
         name=track.name,
         live=track.live,
         ended_at=track.ended_at,
-        state=None if track.state is None else TrackStateDocument.model_validate(track.state),
+        state=None if track.state is None else _state_document(track.state),
     )
+
+
+def _state_document(state: tracks.TrackState) -> TrackStateDocument:
+    values = {name: getattr(state, name) for name in TrackStateDocument.model_fields}
+    footprint = None if state.footprint is None else area_document(state.footprint)
+    return TrackStateDocument.model_validate({**values, "footprint": footprint})

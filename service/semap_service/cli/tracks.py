@@ -1,0 +1,105 @@
+"""semap track"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from semap_service.cli.output import clock, print_json_line, print_rows
+from semap_service.cli.session import AsJson, Dsn, database
+
+if TYPE_CHECKING:
+    from semap.store.track_amendments import TrackAmendment
+
+PAGE = 500
+WAKE_S = 1.0
+
+MapOption = Annotated[str | None, typer.Option("--map", help="Only those of this map.")]
+Number = Annotated[int, typer.Option(help="Only those after this number.", min=0)]
+
+
+def commands() -> typer.Typer:
+    app = typer.Typer(
+        no_args_is_help=True, help="Who is followed, and what trackers found that they had mistaken."
+    )
+    app.command("list")(list_all)
+    app.command("amendments")(amendments)
+    return app
+
+
+def list_all(
+    map_name: MapOption = None,
+    every: Annotated[bool, typer.Option("--all", help="Also those that have ended.")] = False,
+    after: Number = 0,
+    limit: Annotated[int, typer.Option(help="At most so many.", min=1, max=1000)] = 1000,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """List the tracks that live, with where they are and how much room they take."""
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.tracks import list_tracks  # noqa: PLC0415
+
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        found = list_tracks(
+            connection, map_name=map_name, live=None if every else True, after=after, limit=limit
+        )
+    shown = ("stamp", "x_m", "y_m", "z_m", "std_m", "heading_rad", "speed_mps", "length_m", "width_m")
+    rows = [
+        {
+            "id": each.track_id,
+            "map": each.map,
+            "source": each.source,
+            "track": each.name,
+            **{name: _short(getattr(each.state, name, None)) for name in shown},
+        }
+        for each in found
+    ]
+    print_rows(rows, as_json, "No tracks. Bring in movement: semap ingest --help")
+
+
+def amendments(
+    map_name: MapOption = None,
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on as new ones are found.")] = False,
+    after: Number = 0,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Show which tracks were found out to be one person, or to have changed persons, oldest first."""
+    from semap.store.database import connect, open_engine  # noqa: PLC0415
+    from semap.store.track_amendments import list_track_amendments  # noqa: PLC0415
+
+    with database(dsn) as opened, connect(opened, "semap_read", application="semap track") as listening:
+        listening.execute("listen semap_amendment")
+        engine = open_engine(opened, "semap_read", application="semap track", size=1)
+        shown = 0
+        while True:
+            with engine.begin() as connection:
+                page = list_track_amendments(connection, map_name=map_name, after=after, limit=PAGE)
+            for each in page:
+                print_json_line(asdict(each)) if as_json else typer.echo(sentence(each))
+                after = each.track_amendment_id
+            shown += len(page)
+            if len(page) == PAGE:
+                continue
+            if not follow:
+                break
+            next(iter(listening.notifies(timeout=WAKE_S, stop_after=1)), None)
+        engine.dispose()
+        if not shown and not as_json:
+            typer.echo("No amendments. Trackers of `semap ingest recording` make them.", err=True)
+
+
+def sentence(amendment: TrackAmendment) -> str:
+    """An amendment as a line for people."""
+    said = {
+        "merged": f"{amendment.track} is {amendment.other_track} since {clock(amendment.since)}",
+        "switched": f"{amendment.track} and {amendment.other_track} had changed places since"
+        f" {clock(amendment.since)}",
+    }[amendment.kind]
+    return f"{amendment.track_amendment_id:>6}  {clock(amendment.found)}  {said}"
+
+
+def _short(value: object) -> object:
+    return round(value, 3) if isinstance(value, float) else value

@@ -1,0 +1,69 @@
+"""/track-amendments"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from semap.store import track_amendments
+from semap.store.maps import get_map
+from semap_service.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
+from semap_service.problem import problems
+from semap_service.transaction import Database, transaction
+
+router = APIRouter(tags=["tracks"])
+
+
+class TrackAmendmentDocument(Document):
+    """What a tracker found that it had mistaken of two of its tracks."""
+
+    id: int = Field(description="In the order of arrival.")
+    map: str = Field(examples=["office"])
+    source: str = Field(examples=["robot/persons"])
+    kind: Literal["merged", "switched"] = Field(
+        description="merged: both are one person; the other is the older track. switched: each followed the"
+        " other's person."
+    )
+    track_id: int
+    track: str = Field(examples=["person 3"])
+    other_track_id: int
+    other_track: str = Field(examples=["person 4"])
+    since: Stamp = Field(description="From when on.")
+    found: Stamp = Field(description="The stamp of the record that told.")
+
+
+class TrackAmendmentList(Document):
+    track_amendments: list[TrackAmendmentDocument] = Field(description="In the order of their arrival.")
+    next: Next
+
+
+@router.get("/track-amendments", operation_id="list_track_amendments", responses=problems(404))
+def list_track_amendments(
+    database: Database,
+    map_name: MapFilter = None,
+    track: Annotated[Name | None, Query(description="Only of the tracks of this name.")] = None,
+    limit: Limit = 100,
+    after: After = 0,
+) -> TrackAmendmentList:
+    """Which tracks were found out to be one person, or to have changed persons.
+
+    Tracks, relations and events stay as they were told: who counts persons takes these into account. New ones
+    have larger ids than all that were listed before.
+    """
+    with transaction(database) as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
+        found = track_amendments.list_track_amendments(
+            connection, map_name=map_name, track_name=track, after=after, limit=limit
+        )
+    return TrackAmendmentList(
+        track_amendments=[_document(each) for each in found],
+        next=next_after([each.track_amendment_id for each in found], limit),
+    )
+
+
+def _document(amendment: track_amendments.TrackAmendment) -> TrackAmendmentDocument:
+    values = {name: getattr(amendment, name) for name in TrackAmendmentDocument.model_fields if name != "id"}
+    return TrackAmendmentDocument(id=amendment.track_amendment_id, **values)
