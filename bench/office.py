@@ -71,9 +71,7 @@ def measure(part: str, extent: Extent, dsn: str) -> list[dict[str, object]]:
     with Supervisor(dsn) as supervisor:
         supervisor.start("work")
         stage = Stage(dsn, lambda line: print(line, flush=True))
-        report = evaluate(
-            stage, part, seeds=extent.seeds, plays=extent.plays, people=PEOPLE, data=REAL_DATA
-        )  # fmt: skip
+        report = evaluate(stage, part, seeds=extent.seeds, plays=extent.plays, people=PEOPLE, data=REAL_DATA)
     write(report, FOLDER)
     for line in report.details:
         print(f"   {line}")

@@ -229,6 +229,9 @@ def repeat(stage: Stage) -> Report:
         sorted((e.event_id, e.type, e.stamp_us, e.track or "", e.place) for e in each.events)
         for each in (fast, slow)
     ]
+    both = match(
+        *([Occurrence(e.type, e.place, e.stamp_us) for e in each.events] for each in (fast, slow)), 0
+    )
     return Report(
         "repeat",
         "the same events with the same ids in real time and at full speed",
@@ -238,6 +241,11 @@ def repeat(stage: Stage) -> Report:
             for name, each in (("as fast as it goes", fast), ("in real time", slow))
         ),
         tuple(f"only one of them: {one}" for one in sorted(set(logs[0]) ^ set(logs[1]))),
+        lambda: pictures.timeline(
+            both,
+            min(stamp_us for _, _, stamp_us, _, _ in logs[0]),
+            "At full speed (grey) and in real time (blue)",
+        ),
     )
 
 
