@@ -12,7 +12,7 @@ from semap_ingest.pipeline.ingest_recording import Plan
 from semap_ingest.pipeline.meter import StopWatch
 from semap_ingest.simulation.labels import Labels, read_labels
 from semap_ingest.simulation.office import OfficePaths, office_recording
-from semap_ingest.simulation.settings import OfficeSettings
+from semap_ingest.simulation.settings import START_US, OfficeSettings
 
 from semap.errors import InvalidInput, NotFound
 from semap_service.evaluation import pictures
@@ -67,7 +67,7 @@ def camera_model() -> Path:
 
 def score(labels: Labels, events: Iterable[PlayedEvent]) -> dict[str, Scores]:
     """Transitions, doors and complex relations, each event within 500 ms of its label."""
-    wanted, found = labelled(labels), [Occurrence(e.type, e.place, e.stamp_us) for e in events]
+    wanted, found = labelled(labels), _occurrences(events)
     return {
         part: match(
             [o for o in wanted if o.kind in kinds], [o for o in found if o.kind in kinds], TOLERANCE_US
@@ -229,9 +229,7 @@ def repeat(stage: Stage) -> Report:
         sorted((e.event_id, e.type, e.stamp_us, e.track or "", e.place) for e in each.events)
         for each in (fast, slow)
     ]
-    both = match(
-        *([Occurrence(e.type, e.place, e.stamp_us) for e in each.events] for each in (fast, slow)), 0
-    )
+    both = match(_occurrences(fast.events), _occurrences(slow.events), 0)
     return Report(
         "repeat",
         "the same events with the same ids in real time and at full speed",
@@ -241,11 +239,7 @@ def repeat(stage: Stage) -> Report:
             for name, each in (("as fast as it goes", fast), ("in real time", slow))
         ),
         tuple(f"only one of them: {one}" for one in sorted(set(logs[0]) ^ set(logs[1]))),
-        lambda: pictures.timeline(
-            both,
-            min(stamp_us for _, _, stamp_us, _, _ in logs[0]),
-            "At full speed (grey) and in real time (blue)",
-        ),
+        lambda: pictures.timeline(both, START_US, "At full speed (grey) and in real time (blue)"),
     )
 
 
@@ -303,6 +297,10 @@ def evaluate(
         "repeat": lambda: repeat(stage),
         "scans": lambda: scans(data or Path()),
     }[part]()
+
+
+def _occurrences(events: Iterable[PlayedEvent]) -> list[Occurrence]:
+    return [Occurrence(event.type, event.place, event.stamp_us) for event in events]
 
 
 def _rounded(value: float) -> float:
