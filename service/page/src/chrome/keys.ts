@@ -1,0 +1,68 @@
+/** Keys that work anywhere on the page, except while something is typed. */
+
+import type { App } from "../app";
+import type { Showing } from "../showing";
+import type { Tab } from "../state";
+import { EDIT_KEYS } from "../edit/keys";
+import type { Stage } from "../scene/stage";
+import { isHelpOpen, isSideOpen } from "./head";
+import { toggleTheme } from "./theme";
+
+/** Keys and what they do, as the help lists them. */
+export const KEYS: readonly [string[], string][] = [
+  [["?"], "These keys"],
+  [["V"], "Plan or 3D"],
+  [["0"], "Show all of the map"],
+  [["+", "−"], "Nearer, farther (on the map or the timeline, whichever is focused)"],
+  [["←", "→", "↑", "↓"], "On the map: move it; with Shift in 3D: turn it"],
+  [["←", "→"], "On the timeline: back and forth in time; with Shift ten times as far"],
+  [["Page ↑", "Page ↓"], "On the timeline: the event before, the event after"],
+  [["Space"], "Play the past, or pause"],
+  [["L"], "Back to live"],
+  [["1", "…", "6"], "The panels: details, events, edit, rules, queries, import"],
+  [["P"], "Open or close the panels"],
+  [["D"], "Light or dark"],
+  [["Esc"], "Select nothing; leave a tool"],
+  ...EDIT_KEYS,
+];
+
+const PANELS: readonly Tab[] = ["details", "events", "edit", "rules", "queries", "import"];
+
+export function startKeys(app: App, showing: Showing, stage: Stage): void {
+  addEventListener("keydown", (event) => {
+    if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target))
+      return;
+    if (document.querySelector("dialog[open]")) return;
+    const panel = PANELS[Number(event.key) - 1];
+    if (panel) {
+      isSideOpen.value = true;
+      app.state.tab.value = panel;
+      document.getElementById(`tab-${panel}`)?.focus();
+    } else if (event.key === "?") isHelpOpen.value = true;
+    else if (event.key === "v") app.state.view.value = app.state.view.value === "plan" ? "space" : "plan";
+    else if (event.key === "0") stage.fit();
+    else if (event.key === "l") app.moveTo(null);
+    else if (event.key === "p") isSideOpen.value = !isSideOpen.value;
+    else if (event.key === "d") toggleTheme();
+    else if (event.key === "Escape") app.state.selection.value = null;
+    else if (event.key === " " && !isControl(event.target)) {
+      if (showing.playing.value === null) showing.play(1);
+      else showing.pause();
+    } else return;
+    event.preventDefault();
+  });
+}
+
+function isTyping(target: EventTarget | null): boolean {
+  if (!(target instanceof HTMLElement)) return false;
+  if (target instanceof HTMLInputElement)
+    return !["checkbox", "radio", "range", "button"].includes(target.type);
+  return (
+    target instanceof HTMLTextAreaElement || target instanceof HTMLSelectElement || target.isContentEditable
+  );
+}
+
+/** Space is theirs. */
+function isControl(target: EventTarget | null): boolean {
+  return target instanceof HTMLElement && target.closest("button, a, input, summary, [role=tab]") !== null;
+}

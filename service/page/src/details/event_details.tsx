@@ -1,0 +1,125 @@
+/** An event: what happened, on what evidence, and why its rule fired. */
+
+import { allPages, path } from "../api";
+import type { App } from "../app";
+import type { EventDocument } from "../documents";
+import { useEffect, useState } from "preact/hooks";
+import { problemOf } from "../showing";
+import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
+import type { Reading } from "./reading";
+
+interface Explanation {
+  found: boolean;
+  lines: string[];
+}
+
+export function EventDetails({ event, app }: { event: EventDocument; app: App }) {
+  const entries = (values: Record<string, unknown>): (readonly [string, string])[] =>
+    Object.entries(values).map(([key, value]) => [key, textOf(value)]);
+  return (
+    <>
+      <header>
+        <h2 class="title">{event.type}</h2>
+        <p class="soft">
+          event {event.seq} of rule {event.rule}, version {event.rule_version}
+        </p>
+      </header>
+      {event.verdict === "retracted" && (
+        <p class="note warn">Looking back, this did not happen: the batch layer retracted it.</p>
+      )}
+      {event.verdict === "amended" && (
+        <p class="note">Looking back, it was a little different: the batch layer amended it.</p>
+      )}
+      <Facts
+        facts={[
+          ["When", <Moment app={app} stamp={event.stamp} />],
+          ["Who", event.track && <TrackLink app={app} id={event.track.id} name={event.track.name} />],
+          [
+            "Where",
+            event.instance && <InstanceLink app={app} id={event.instance.id} name={event.instance.name} />,
+          ],
+          ["Since", event.since !== event.stamp && <Moment app={app} stamp={event.since} />],
+          ["Because", event.cause && CAUSES[event.cause]],
+          ["How sure", event.confidence !== null && `${Math.round(event.confidence * 100)} %`],
+          ["Verdict", event.verdict],
+          ...entries(event.key),
+          ...entries(event.measures),
+        ]}
+      />
+      <section>
+        <h3>Evidence</h3>
+        <table class="plain">
+          <tbody>
+            {event.evidence.map((each) => (
+              <tr key={each.uid}>
+                <th scope="row">
+                  {each.variable && <b>{each.variable} </b>}
+                  {SOURCES[each.source] ?? each.source}
+                </th>
+                <td>
+                  <Moment app={app} stamp={each.stamp} />
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </section>
+      <Why event={event} app={app} />
+    </>
+  );
+}
+
+const CAUSES = {
+  moved: "it moved",
+  appeared: "it was first seen",
+  disappeared: "it was lost",
+  map: "the map was edited",
+};
+const SOURCES: Readonly<Record<string, string>> = {
+  relation: "who was where",
+  object_state: "state of an object",
+  map: "change of the map",
+  event: "another event",
+};
+
+/** The explanation of the rule as it stands now, which is not asked for by itself: it runs the rule again. */
+function Why({ event, app }: { event: EventDocument; app: App }) {
+  const [reading, setReading] = useState<Reading<Explanation> | null>(null);
+  useEffect(() => setReading(null), [event.event_id]);
+  const ask = async (): Promise<void> => {
+    setReading({ state: "loading" });
+    try {
+      const rules = await allPages<{ id: number; name: string }, "rules">(
+        app.api,
+        `/rules?map=${encodeURIComponent(event.map)}`,
+        "rules",
+      );
+      const rule = rules.find((each) => each.name === event.rule);
+      if (!rule) throw new Error(`The rule ${event.rule} is no longer there.`);
+      const keys = Object.entries(event.key).map(
+        ([name, value]) => `&key=${encodeURIComponent(`${name}=${String(value)}`)}`,
+      );
+      const address = path`/rules/${rule.id}/explanation?at=${event.stamp}` + keys.join("");
+      setReading({ state: "there", value: await app.api.get<Explanation>(address) });
+    } catch (error) {
+      setReading({ state: "failed", problem: problemOf(error) });
+    }
+  };
+  return (
+    <section class="stack">
+      <div class="row">
+        <button id="why" onClick={() => void ask()} disabled={reading?.state === "loading"}>
+          Why did it fire?
+        </button>
+        <button onClick={() => (app.state.tab.value = "rules")}>The rule</button>
+      </div>
+      {reading?.state === "loading" && <p class="soft">Running the rule over that time …</p>}
+      {reading?.state === "failed" && <Failed problem={reading.problem} />}
+      {reading?.state === "there" && (
+        <pre class="why" tabIndex={0}>
+          {reading.value.lines.join("\n")}
+        </pre>
+      )}
+    </section>
+  );
+}

@@ -1,0 +1,118 @@
+/** An instance: what it is, who is in it, what it joins. */
+
+import { path } from "../api";
+import type { App } from "../app";
+import { areaOf } from "../map/shape";
+import type { Showing } from "../showing";
+import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
+import { useReading } from "./reading";
+
+interface Occupants {
+  occupants: { track_id: number; name: string; since: string }[];
+}
+
+export function InstanceDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
+  const map = app.state.map.value;
+  const thing = map?.byId.get(id);
+  if (!map || !thing) return <p class="soft">It is no longer on the map.</p>;
+  const world = app.state.isLive.value ? showing.now : showing.then;
+  void showing.beat.value;
+  const door = world.doors.get(id);
+  const area = thing.outlines.reduce((sum, outline) => sum + areaOf(outline), 0);
+  const joined =
+    thing.kind === "door"
+      ? map.things.filter((each) => thing.joins.includes(each.name))
+      : map.things.filter((each) => each.joins.includes(thing.name));
+  return (
+    <>
+      <header>
+        <h2 class="title">{thing.alias ?? thing.name}</h2>
+        <p class="soft">
+          {thing.concept}
+          {thing.alias && ` · ${thing.name}`}
+          {thing.storey && ` · ${thing.storey}`}
+        </p>
+      </header>
+      {door && (
+        <Facts
+          facts={[
+            [
+              "State",
+              <b class={`door-state ${door.state}`}>{door.state === "unknown" ? "not known" : door.state}</b>,
+            ],
+            ["Since", door.since && <Moment app={app} stamp={door.since} />],
+          ]}
+        />
+      )}
+      {thing.kind === "room" && <InRoom id={id} app={app} showing={showing} />}
+      <Facts
+        facts={[
+          ["Area", area > 0 && `${area.toFixed(1)} m²`],
+          [
+            "Heights",
+            thing.zMax_m !== null && `${thing.zMin_m.toFixed(2)} m to ${thing.zMax_m.toFixed(2)} m`,
+          ],
+          [
+            thing.kind === "door" ? "Joins" : "Doors",
+            joined.length > 0 &&
+              joined.map((each) => (
+                <InstanceLink key={each.id} app={app} id={each.id} name={each.alias ?? each.name} />
+              )),
+          ],
+          ["Number", `${id}`],
+        ]}
+      />
+      {Object.keys(thing.attributes).length > 0 && (
+        <section>
+          <h3>Attributes</h3>
+          <Facts
+            facts={Object.entries(thing.attributes).map(([key, value]) => [key, textOf(value)] as const)}
+          />
+        </section>
+      )}
+      <div class="row">
+        <button onClick={() => (app.state.tab.value = "edit")}>Edit</button>
+      </div>
+    </>
+  );
+}
+
+function InRoom({ id, app, showing }: { id: number; app: App; showing: Showing }) {
+  const count = app.state.occupancy.value.get(id) ?? 0;
+  const isLive = app.state.isLive.value;
+  const reading = useReading<Occupants>(app.api, isLive ? path`/rooms/${id}/occupants` : null, [count]);
+  const then = [...showing.then.movers.values()]
+    .filter((each) => each.state.rooms.includes(id))
+    .map((each) => each.state);
+  return (
+    <section>
+      <h3>
+        {count === 0 ? "Nobody" : count === 1 ? "One" : count} in it{isLive ? " now" : " then"}
+      </h3>
+      {isLive && reading.state === "failed" && <Failed problem={reading.problem} />}
+      <table class="plain">
+        <tbody>
+          {isLive && reading.state === "there" && count > 0
+            ? reading.value.occupants.map(({ track_id, name, since }) => (
+                <tr key={track_id}>
+                  <td>
+                    <TrackLink app={app} id={track_id} name={name} />
+                  </td>
+                  <td>
+                    since <Moment app={app} stamp={since} />
+                  </td>
+                </tr>
+              ))
+            : !isLive &&
+              then.map(({ track_id, name }) => (
+                <tr key={track_id}>
+                  <td>
+                    <TrackLink app={app} id={track_id} name={name} />
+                  </td>
+                </tr>
+              ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}

@@ -1,0 +1,129 @@
+/** What is now on a map: its movement, its events, and word of each edit of it. */
+
+import { path, type Api, type Problem } from "../api";
+import type { Delta, EventDocument, Snapshot } from "../documents";
+import type { State } from "../state";
+import { follow, type Happening } from "./connection";
+import { LastingSocket } from "./lasting_socket";
+
+export interface LiveUser {
+  snapshot(snapshot: Snapshot): void;
+  delta(delta: Delta): void;
+  /** Events in their order, oldest first. */
+  events(events: EventDocument[]): void;
+  /** Somebody edited the map. */
+  edited(): void;
+}
+
+/** How long "resumed" is shown. */
+const NOTICED_MS = 5000;
+/** How many events are told from before the page was opened. */
+const EVENTS_BEFORE = 200;
+
+export class Live {
+  private readonly state: State;
+  private readonly user: LiveUser;
+  private readonly movement: LastingSocket;
+  private events: LastingSocket | null = null;
+  private cursor = 0;
+  private changeSet: number | null = null;
+  private isStopped = false;
+  /** The service will not answer, however often it is asked. */
+  isRefused = false;
+
+  constructor(api: Api, state: State, mapName: string, user: LiveUser) {
+    this.state = state;
+    this.user = user;
+    this.happens({ kind: "asked" });
+    this.movement = new LastingSocket(api, {
+      path: () => path`/maps/${mapName}/live`,
+      take: (message) => this.take(message, () => this.followEvents(api, mapName)),
+      lost: (retryAt) => this.happens({ kind: "lost", now: Date.now(), retryAt }),
+      refused: (status, detail) => this.refuse(status, detail),
+    });
+  }
+
+  stop(): void {
+    this.isStopped = true;
+    this.movement.stop();
+    this.events?.stop();
+  }
+
+  retryNow(): void {
+    this.movement.retryNow();
+    this.events?.retryNow();
+  }
+
+  private take(message: { type: string }, firstTime: () => void): void {
+    if (message.type === "snapshot") {
+      const snapshot = message as unknown as Snapshot;
+      this.user.snapshot(snapshot);
+      this.noteEdit(snapshot.change_set);
+      this.happens({ kind: "snapshot" });
+      if (this.events === null) {
+        this.cursor = snapshot.event_cursor ?? 0;
+        firstTime();
+      }
+    } else if (message.type === "delta") {
+      const delta = message as unknown as Delta;
+      this.user.delta(delta);
+      this.noteEdit(delta.change_set);
+    }
+  }
+
+  private noteEdit(changeSet: number | undefined): void {
+    if (changeSet === undefined) return;
+    if (this.changeSet !== null && changeSet !== this.changeSet) this.user.edited();
+    this.changeSet = changeSet;
+  }
+
+  private followEvents(api: Api, mapName: string): void {
+    void this.eventsBefore(api, mapName);
+    this.events = new LastingSocket(api, {
+      path: () => `/events/feed?map=${encodeURIComponent(mapName)}&after=${this.cursor}`,
+      take: (message) => {
+        const cursor = message["cursor"];
+        if (typeof cursor === "number") this.cursor = cursor;
+        if (message.type === "events") this.user.events(message["events"] as EventDocument[]);
+      },
+      lost: () => {},
+      refused: (status, detail) => this.refuse(status, detail),
+    });
+  }
+
+  /** What happened shortly before, so that the list does not begin empty. Numbers have gaps, so some may be few. */
+  private async eventsBefore(api: Api, mapName: string): Promise<void> {
+    const after = Math.max(0, this.cursor - EVENTS_BEFORE);
+    const address = `/events?map=${encodeURIComponent(mapName)}&after=${after}&limit=${EVENTS_BEFORE}`;
+    const before = this.cursor;
+    try {
+      const { events } = await api.get<{ events: EventDocument[] }>(address);
+      if (!this.isStopped) this.user.events(events.filter((each) => each.seq <= before));
+    } catch {
+      // The list begins with what comes.
+    }
+  }
+
+  private refuse(status: number, detail: string): void {
+    this.isRefused = true;
+    const problem: Problem = {
+      type: "about:blank",
+      title: "Refused",
+      status,
+      detail,
+      instance: "",
+      remedy: status === 403 ? "Sign in with a token that has the scope read and may see this map." : "",
+      errors: [],
+    };
+    if (status === 401) this.state.unauthorised.value = problem;
+    else this.state.problem.value = problem;
+  }
+
+  private happens(happening: Happening): void {
+    const before = this.state.connection.value;
+    this.state.connection.value = follow(before, happening);
+    const after = this.state.connection.value;
+    if (after.state === "live" && after.resumed)
+      setTimeout(() => this.happens({ kind: "noticed" }), NOTICED_MS);
+  }
+}

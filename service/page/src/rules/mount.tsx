@@ -1,0 +1,157 @@
+import { render } from "preact";
+import { useState } from "preact/hooks";
+
+import type { Problem } from "../api";
+import type { App } from "../app";
+import { ask } from "../panel/ask";
+import "../panel/panel.css";
+import { ProblemNote, problemOf } from "../panel/problem";
+import { useResource } from "../panel/resource";
+import { changeRule, deleteRule, listRules, readRule, type RuleDocument } from "./api";
+import { Explanation } from "./explanation";
+import "./rules.css";
+import { madeBy, readBy } from "./text";
+import { Writing, type Subject } from "./writing";
+
+/** Puts the panel for rules into its element. */
+export function mount(element: HTMLElement, app: App): void {
+  render(<Panel app={app} />, element);
+}
+
+function Panel({ app }: { app: App }) {
+  const map = app.state.mapName.value;
+  if (map === null) return <p class="soft">There is no map yet. Bring one in under Import.</p>;
+  return <Rules key={map} app={app} map={map} />;
+}
+
+function Rules({ app, map }: { app: App; map: string }) {
+  const [subject, setSubject] = useState<Subject | null>(null);
+  const { value, isLoading, problem, reload } = useResource(
+    (signal) => listRules(app.api, map, signal),
+    [map],
+  );
+  // Rules are edited elsewhere, too: the list is read again whenever somebody looks at it.
+  const isShown = app.state.tab.value === "rules";
+  const [wasShown, setWasShown] = useState(isShown);
+  if (isShown !== wasShown) {
+    setWasShown(isShown);
+    if (isShown) reload();
+  }
+  if (subject !== null) {
+    const close = (): void => {
+      setSubject(null);
+      reload();
+    };
+    return <Writing key={subject.rule?.id ?? "new"} app={app} map={map} subject={subject} close={close} />;
+  }
+  return (
+    <div class="stack">
+      <div class="row">
+        <h2>Rules</h2>
+        <span class="grow" />
+        <button type="button" class="primary" onClick={() => setSubject({ rule: null })}>
+          Write a rule
+        </button>
+      </div>
+      {problem && <ProblemNote problem={problem} retry={reload} />}
+      {value === null && isLoading && <p class="soft">Loading…</p>}
+      {value?.length === 0 && (
+        <p class="empty">No rules on this map. Without one nothing becomes an event.</p>
+      )}
+      <ul class="cards" aria-label="Rules">
+        {value?.map((rule) => (
+          <RuleCard key={rule.id} app={app} rule={rule} changed={reload} edit={setSubject} />
+        ))}
+      </ul>
+    </div>
+  );
+}
+
+interface RuleCardProps {
+  app: App;
+  rule: RuleDocument;
+  changed: () => void;
+  edit: (subject: Subject) => void;
+}
+
+function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
+  const [problem, setProblem] = useState<Problem | null>(null);
+  const [isSending, setSending] = useState(false);
+  const [isExplaining, setExplaining] = useState(false);
+  const send = async (action: () => Promise<unknown>, then: () => void): Promise<void> => {
+    setSending(true);
+    setProblem(null);
+    try {
+      await action();
+      then();
+    } catch (error) {
+      setProblem(problemOf(error));
+    } finally {
+      setSending(false);
+    }
+  };
+  const open = (): Promise<void> =>
+    send(
+      async () => edit(await readRule(app.api, rule.id)),
+      () => {},
+    );
+  const remove = async (): Promise<void> => {
+    const chosen = await ask({
+      title: `Delete the rule ${rule.name}?`,
+      text: "It makes no more events; those that it made stay.",
+      choices: [{ value: "delete", label: "Delete", isDanger: true }],
+    });
+    if (chosen !== null) await send(() => deleteRule(app.api, rule.id), changed);
+  };
+  return (
+    <li class="card">
+      <header>
+        <h3>{rule.name}</h3>
+        <span class="soft">version {rule.version}</span>
+        <span class={rule.enabled ? "chip good" : "chip off"}>{rule.enabled ? "on" : "off"}</span>
+      </header>
+      <p class="soft">
+        {readBy(rule.declaration).join(", ")} → <strong>{madeBy(rule.declaration).join(", ")}</strong>
+      </p>
+      {problem && <ProblemNote problem={problem} />}
+      <div class="row">
+        <button
+          type="button"
+          disabled={isSending}
+          aria-label={`Edit ${rule.name}`}
+          onClick={() => void open()}
+        >
+          Edit
+        </button>
+        <button
+          type="button"
+          disabled={isSending}
+          aria-label={`${rule.enabled ? "Turn off" : "Turn on"} ${rule.name}`}
+          onClick={() =>
+            void send(() => changeRule(app.api, rule.id, { enabled: !rule.enabled }, null), changed)
+          }
+        >
+          {rule.enabled ? "Turn off" : "Turn on"}
+        </button>
+        <button
+          type="button"
+          aria-expanded={isExplaining}
+          aria-label={`Explain ${rule.name}`}
+          onClick={() => setExplaining(!isExplaining)}
+        >
+          Explain…
+        </button>
+        <button
+          type="button"
+          class="danger"
+          disabled={isSending}
+          aria-label={`Delete ${rule.name}`}
+          onClick={() => void remove()}
+        >
+          Delete
+        </button>
+      </div>
+      {isExplaining && <Explanation app={app} rule={rule} close={() => setExplaining(false)} />}
+    </li>
+  );
+}

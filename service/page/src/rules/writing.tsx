@@ -1,0 +1,238 @@
+import { useState } from "preact/hooks";
+
+import type { Problem } from "../api";
+import type { App } from "../app";
+import { ask } from "../panel/ask";
+import { ProblemNote, problemOf } from "../panel/problem";
+import { useResource } from "../panel/resource";
+import { momentText } from "../timeline/scale";
+import {
+  addRule,
+  changeRule,
+  listTemplates,
+  listVersions,
+  readRule,
+  readText,
+  type RuleDocument,
+} from "./api";
+import { useCheck, type Checked } from "./check";
+import { DryRun } from "./dry_run";
+import { Editor, FaultLine } from "./editor";
+import { madeBy } from "./text";
+
+/** What is written: a new rule, or a rule as it was read. */
+export type Subject = { rule: null } | { rule: RuleDocument; etag: string | null; text: string };
+
+interface WritingProps {
+  app: App;
+  map: string;
+  subject: Subject;
+  /** It is done, or was given up. */
+  close: () => void;
+}
+
+export function Writing({ app, map, subject, close }: WritingProps) {
+  const { rule } = subject;
+  const [text, setText] = useState(rule === null ? "" : subject.text);
+  const checked = useCheck(app, map, text, rule?.id ?? null);
+  const right = checked.check?.fault === null ? checked.check : null;
+  const leave = async (): Promise<void> => {
+    if (text.trim() === (rule === null ? "" : subject.text.trim())) return close();
+    const chosen = await ask({
+      title: "Leave without saving?",
+      text: "What you have written is lost.",
+      choices: [{ value: "leave", label: "Leave", isDanger: true }],
+    });
+    if (chosen !== null) close();
+  };
+  return (
+    <div class="stack">
+      <div class="row">
+        <h2>{rule === null ? "A new rule" : rule.name}</h2>
+        <span class="grow" />
+        <button type="button" onClick={() => void leave()}>
+          Back
+        </button>
+      </div>
+      {rule === null ? (
+        <Templates app={app} use={setText} />
+      ) : (
+        <Versions app={app} rule={rule} use={setText} />
+      )}
+      <Editor text={text} set={setText} fault={checked.check?.fault ?? null} describedBy="rule-verdict" />
+      <Verdict text={text} checked={checked} />
+      <DryRun app={app} map={map} name={right?.name ?? "dry_run"} declaration={right?.declaration ?? null} />
+      <Saving app={app} map={map} subject={subject} checked={checked} setText={setText} done={close} />
+    </div>
+  );
+}
+
+function Verdict({ text, checked: { check, problem } }: { text: string; checked: Checked }) {
+  if (problem) return <ProblemNote problem={problem} />;
+  if (text.trim() === "")
+    return (
+      <p id="rule-verdict" class="soft">
+        Begin with a template, or write.
+      </p>
+    );
+  const fault = check?.fault ?? null;
+  return (
+    <div
+      id="rule-verdict"
+      class={check === null ? "note" : fault === null ? "note good" : "note bad"}
+      role="status"
+    >
+      {check === null && <p>Checking…</p>}
+      {check !== null && fault === null && (
+        <p>Right. It makes {madeBy(check.declaration ?? {}).join(", ")}.</p>
+      )}
+      {fault && <FaultLine fault={fault} text={text} />}
+    </div>
+  );
+}
+
+function Templates({ app, use }: { app: App; use: (text: string) => void }) {
+  const { value, problem, reload } = useResource((signal) => listTemplates(app.api, signal), []);
+  const [chosen, setChosen] = useState("");
+  if (problem) return <ProblemNote problem={problem} retry={reload} />;
+  const template = value?.find((each) => each.name === chosen);
+  return (
+    <>
+      <label class="field">
+        <span>From a template</span>
+        <select
+          value={chosen}
+          onChange={(event) => {
+            const found = value?.find((each) => each.name === event.currentTarget.value);
+            setChosen(event.currentTarget.value);
+            if (found) use(found.text);
+          }}
+        >
+          <option value="">choose…</option>
+          {value?.map((each) => (
+            <option key={each.name} value={each.name}>
+              {each.name}
+            </option>
+          ))}
+        </select>
+      </label>
+      {template && <p class="soft">{template.sentence}</p>}
+    </>
+  );
+}
+
+function Versions({ app, rule, use }: { app: App; rule: RuleDocument; use: (text: string) => void }) {
+  const { value } = useResource((signal) => listVersions(app.api, rule.id, signal), [rule.id]);
+  const load = async (version: number): Promise<void> => {
+    try {
+      use(await readText(app.api, rule.id, version));
+    } catch (error) {
+      app.announce(problemOf(error).detail, "error");
+    }
+  };
+  if (value === null || value.length < 2) return null;
+  return (
+    <label class="field">
+      <span>Versions</span>
+      <select defaultValue={rule.version} onChange={(event) => void load(Number(event.currentTarget.value))}>
+        {[...value].reverse().map(({ version, declared_at }) => (
+          <option key={version} value={version}>
+            {version}: {momentText(Date.parse(declared_at))}
+            {version === rule.version ? " (in force)" : ""}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
+
+interface SavingProps {
+  app: App;
+  map: string;
+  subject: Subject;
+  checked: Checked;
+  setText: (text: string) => void;
+  done: () => void;
+}
+
+function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
+  const [backfill, setBackfill] = useState("");
+  const [problem, setProblem] = useState<Problem | null>(null);
+  const [isSending, setSending] = useState(false);
+  const [overtaken, setOvertaken] = useState<Subject | null>(null);
+  const [etag, setEtag] = useState(subject.rule === null ? null : subject.etag);
+  const { rule } = subject;
+  const right = checked.check?.fault === null ? checked.check : null;
+  const save = async (): Promise<void> => {
+    if (right?.name == null || right.declaration === null) return;
+    const from = backfill === "" ? null : backfill;
+    setSending(true);
+    setProblem(null);
+    try {
+      if (rule === null) await addRule(app.api, map, right.name, right.declaration, from);
+      else {
+        const declaration = { name: right.name, ...right.declaration };
+        await changeRule(app.api, rule.id, { enabled: true, declaration, backfill_from: from }, etag);
+      }
+      app.announce(`The rule ${right.name} is on.`);
+      done();
+    } catch (error) {
+      const told = problemOf(error);
+      if (told.status === 412 && rule !== null) setOvertaken(await readRule(app.api, rule.id));
+      else setProblem(told);
+    } finally {
+      setSending(false);
+    }
+  };
+  return (
+    <>
+      {overtaken?.rule && (
+        <div class="note warn stack" role="alert">
+          <p>
+            <strong>Somebody else changed this rule meanwhile.</strong> Now it is:
+          </p>
+          <pre class="lines">{overtaken.text}</pre>
+          <p class="row">
+            <button
+              type="button"
+              onClick={() => {
+                setText(overtaken.text);
+                setEtag(overtaken.etag);
+                setOvertaken(null);
+              }}
+            >
+              Go on with that
+            </button>
+            <button
+              type="button"
+              onClick={() => {
+                setEtag(overtaken.etag);
+                setOvertaken(null);
+              }}
+            >
+              Keep mine
+            </button>
+          </p>
+        </div>
+      )}
+      <label class="field">
+        <span>It makes events of</span>
+        <select value={backfill} onChange={(event) => setBackfill(event.currentTarget.value)}>
+          <option value="">what happens from now on</option>
+          <option value="all">all that is stored, and what happens from now on</option>
+        </select>
+      </label>
+      {problem && <ProblemNote problem={problem} />}
+      <div class="row">
+        <button
+          type="button"
+          class="primary"
+          disabled={right === null || isSending || overtaken !== null}
+          onClick={() => void save()}
+        >
+          {rule === null ? "Add and turn on" : "Replace and turn on"}
+        </button>
+      </div>
+    </>
+  );
+}

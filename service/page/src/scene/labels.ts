@@ -1,0 +1,107 @@
+/** Names on the picture, drawn on a canvas of their own above it; a name that would cover another is left out. */
+
+import type { View } from "./view";
+
+const PAD_PX = 3;
+
+export interface LabelStyle {
+  font: string;
+  ink: string;
+  halo: string;
+}
+
+interface Box {
+  left: number;
+  top: number;
+  right: number;
+  bottom: number;
+}
+
+export class Labels {
+  private readonly canvas: HTMLCanvasElement;
+  private readonly context: CanvasRenderingContext2D;
+  private readonly taken: Box[] = [];
+  private used = 0;
+  private readonly widths = new Map<string, number>();
+  private readonly at = { x: 0, y: 0 };
+  private view: View | null = null;
+
+  constructor(canvas: HTMLCanvasElement) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d")!;
+  }
+
+  begin(view: View, ratio: number): void {
+    this.view = view;
+    const [width, height] = [Math.round(view.width_px * ratio), Math.round(view.height_px * ratio)];
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
+      this.canvas.style.width = `${view.width_px}px`;
+      this.canvas.style.height = `${view.height_px}px`;
+    }
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.context.clearRect(0, 0, view.width_px, view.height_px);
+    this.context.textAlign = "center";
+    this.context.textBaseline = "middle";
+    this.context.lineJoin = "round";
+    this.context.lineWidth = 3.5;
+    this.used = 0;
+  }
+
+  /** Writes a name at a place of the map, `below_px` further down; whether there was room for it. */
+  write(
+    text: string,
+    x_m: number,
+    y_m: number,
+    z_m: number,
+    below_px: number,
+    size_px: number,
+    style: LabelStyle,
+  ): boolean {
+    if (!this.view?.project(x_m, y_m, z_m, this.at)) return false;
+    const { x } = this.at;
+    const y = this.at.y + below_px;
+    if (x < -80 || y < -20 || x > this.view.width_px + 80 || y > this.view.height_px + 20) return false;
+    this.context.font = style.font;
+    const half = this.widthOf(text, style.font) / 2 + PAD_PX;
+    if (!this.take(x - half, y - size_px * 0.62, x + half, y + size_px * 0.62)) return false;
+    this.context.strokeStyle = style.halo;
+    this.context.strokeText(text, x, y);
+    this.context.fillStyle = style.ink;
+    this.context.fillText(text, x, y);
+    return true;
+  }
+
+  /** Keeps names off what is drawn at a place. */
+  keepOff(x_m: number, y_m: number, z_m: number, radius_px: number): void {
+    if (!this.view?.project(x_m, y_m, z_m, this.at)) return;
+    const { x, y } = this.at;
+    this.take(x - radius_px, y - radius_px, x + radius_px, y + radius_px);
+  }
+
+  private take(left: number, top: number, right: number, bottom: number): boolean {
+    for (let i = 0; i < this.used; i++) {
+      const box = this.taken[i]!;
+      if (left < box.right && right > box.left && top < box.bottom && bottom > box.top) return false;
+    }
+    const box = (this.taken[this.used] ??= { left, top, right, bottom });
+    box.left = left;
+    box.top = top;
+    box.right = right;
+    box.bottom = bottom;
+    this.used++;
+    return true;
+  }
+
+  private widthOf(text: string, font: string): number {
+    const key = font + text;
+    let width = this.widths.get(key);
+    if (width === undefined) {
+      if (this.widths.size > 5000) this.widths.clear();
+      width = this.context.measureText(text).width;
+      this.widths.set(key, width);
+    }
+    return width;
+  }
+}

@@ -1,0 +1,58 @@
+/** What the page shows: one store of signals, which panels read and the scene and timeline follow. */
+
+import { computed, signal, type ReadonlySignal } from "@preact/signals";
+
+import type { Problem } from "./api";
+import type { EventDocument, MapDocument } from "./documents";
+import type { MapModel } from "./map/model";
+
+export type Selection =
+  { kind: "instance"; id: number } | { kind: "track"; id: number } | { kind: "event"; event: EventDocument };
+
+/** How the page stands with the service; moments in milliseconds since 1970, of this machine's clock. */
+export type Connection =
+  | { state: "loading" }
+  | { state: "live"; resumed: boolean }
+  | { state: "disconnected"; since: number; retryAt: number };
+
+export type View = "plan" | "space";
+
+export type Tab = "details" | "events" | "edit" | "rules" | "queries" | "import" | "access";
+
+/** An interval of event time, in milliseconds since 1970. */
+export interface Span {
+  from: number;
+  to: number;
+}
+
+export class State {
+  /** null until they were read. */
+  readonly maps = signal<MapDocument[] | null>(null);
+  readonly mapName = signal<string | null>(null);
+  /** The map itself: what stands on it; null while it is being read, or where there is none. */
+  readonly map = signal<MapModel | null>(null);
+  /** Why the maps or the map could not be read. */
+  readonly problem = signal<Problem | null>(null);
+  /** The service asks for a token: why, as it said. */
+  readonly unauthorised = signal<Problem | null>(null);
+  readonly connection = signal<Connection>({ state: "loading" });
+
+  readonly view = signal<View>("plan");
+  /** The name of the storey that is shown; null: all. */
+  readonly storey = signal<string | null>(null);
+  readonly selection = signal<Selection | null>(null);
+  readonly tab = signal<Tab>("events");
+
+  /** The moment that is shown, in milliseconds since 1970; null: what is now. */
+  readonly at = signal<number | null>(null);
+  readonly isLive: ReadonlySignal<boolean> = computed(() => this.at.value === null);
+  /** What the timeline shows. */
+  readonly span = signal<Span>({ from: Date.now() - 600_000, to: Date.now() });
+  /** The newest stamp that was told, in milliseconds since 1970: where event time has come to. */
+  readonly newest = signal<number | null>(null);
+
+  /** How many are in each room, by the instance's id, at the moment that is shown. */
+  readonly occupancy = signal<ReadonlyMap<number, number>>(new Map());
+  /** The newest events of the map, newest first. */
+  readonly events = signal<readonly EventDocument[]>([]);
+}

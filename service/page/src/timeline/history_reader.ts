@@ -1,0 +1,74 @@
+/** Reads the history of the span that the timeline shows, when what is known of it does not do. */
+
+import { path, type Api } from "../api";
+import type { Snapshot, TimelineDocument } from "../documents";
+import type { Span, State } from "../state";
+import type { History } from "./history";
+
+const MOST_OF_TIMELINE = 5000;
+/** While one pans or zooms nothing is read. */
+const AFTER_MS = 180;
+
+export interface HistoryUser {
+  /** Who is where now, as it was told last. */
+  present(): Snapshot;
+  /** The history has changed. */
+  told(): void;
+  complain(error: unknown): void;
+}
+
+export class HistoryReader {
+  private readonly api: Api;
+  private readonly state: State;
+  private readonly history: History;
+  private readonly user: HistoryUser;
+  private reading = new AbortController();
+  private timer = 0;
+
+  constructor(api: Api, state: State, history: History, user: HistoryUser) {
+    this.api = api;
+    this.state = state;
+    this.history = history;
+    this.user = user;
+  }
+
+  /** Reads nothing of another map any more. */
+  stop(): void {
+    clearTimeout(this.timer);
+    this.reading.abort();
+  }
+
+  readSoon(): void {
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => void this.read(), AFTER_MS);
+  }
+
+  private async read(): Promise<void> {
+    const name = this.state.map.peek()?.name;
+    const span = this.state.span.peek();
+    if (name === undefined || this.covers(span)) return;
+    this.reading.abort();
+    const { signal } = (this.reading = new AbortController());
+    const margin = (span.to - span.from) / 2;
+    const [from, to] = [span.from - margin, span.to + margin];
+    const limits = `?from=${new Date(from).toISOString()}&to=${new Date(to).toISOString()}&limit=${MOST_OF_TIMELINE}`;
+    try {
+      const document = await this.api.get<TimelineDocument>(path`/maps/${name}/timeline` + limits, signal);
+      if (signal.aborted) return;
+      this.history.take(document);
+      const newest = this.state.newest.peek();
+      if (newest !== null && newest >= from && newest <= to) this.history.continueWith(this.user.present());
+      this.user.told();
+    } catch (error) {
+      if (!signal.aborted) this.user.complain(error);
+    }
+  }
+
+  private covers(span: Span): boolean {
+    const { loaded, hasMore } = this.history;
+    if (loaded === null) return false;
+    const newest = this.state.newest.peek() ?? span.to;
+    if (loaded.from > span.from || loaded.to < Math.min(span.to, newest)) return false;
+    return !hasMore || loaded.to - loaded.from < 3 * (span.to - span.from);
+  }
+}

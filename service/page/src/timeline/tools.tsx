@@ -1,0 +1,145 @@
+/** The elements of the timeline. */
+
+import type { App } from "../app";
+import { Icon } from "../chrome/icons";
+import type { Showing } from "../showing";
+import { Divider } from "./divider";
+import { LABELS_PX } from "./painter";
+import { durationText, momentText } from "./scale";
+import type { Timeline } from "./timeline";
+
+const SPEEDS = [1, 2, 4, 8] as const;
+
+/** The buttons above the rows, the canvas and what is under the pointer there. */
+export function Tools({ app, showing, timeline }: { app: App; showing: Showing; timeline: Timeline }) {
+  const { state } = app;
+  const playing = showing.playing.value;
+  const at = state.at.value;
+  const shown = at ?? state.newest.value;
+  const { from, to } = state.span.value;
+  const isThere = state.newest.value !== null;
+  void showing.beat.value;
+  return (
+    <>
+      <Divider />
+      <div class="time-tools">
+        <button
+          class="icon"
+          aria-label="The event before"
+          title="The event before (Page ↑)"
+          disabled={!isThere}
+          onClick={() => timeline.step(-1)}
+        >
+          <Icon name="before" />
+        </button>
+        <button
+          class="icon"
+          id="play"
+          aria-label={playing === null ? "Play" : "Pause"}
+          title="Play or pause (Space)"
+          disabled={!isThere}
+          onClick={() => (playing === null ? showing.play(timeline.speed.value) : showing.pause())}
+        >
+          <Icon name={playing === null ? "play" : "pause"} />
+        </button>
+        <button
+          class="icon"
+          aria-label="The event after"
+          title="The event after (Page ↓)"
+          disabled={!isThere}
+          onClick={() => timeline.step(1)}
+        >
+          <Icon name="after" />
+        </button>
+        <select
+          aria-label="Speed"
+          value={timeline.speed.value}
+          onChange={(event) => {
+            timeline.speed.value = Number(event.currentTarget.value);
+            if (showing.playing.value !== null) showing.play(timeline.speed.value);
+          }}
+        >
+          {SPEEDS.map((speed) => (
+            <option key={speed} value={speed}>
+              {speed}×
+            </option>
+          ))}
+        </select>
+        <output class="number" id="shown-moment">
+          {shown === null ? "nothing has happened yet" : momentText(shown)}
+        </output>
+        {at !== null && (
+          <button class="primary" id="go-live" onClick={() => app.moveTo(null)} title="Back to live (L)">
+            Live
+          </button>
+        )}
+        <span class="grow" />
+        {timeline.found.value.events.length > 0 && (
+          <button class="chip found" title="Remove from the timeline" onClick={() => timeline.overlay([])}>
+            ◇ {timeline.found.value.title} ({timeline.found.value.events.length}) ✕
+          </button>
+        )}
+        {showing.history.hasMore && <span class="soft">more than is shown: zoom in</span>}
+        <span class="soft number span-length">{durationText(to - from)}</span>
+        <button class="icon" aria-label="Shorter time" onClick={() => timeline.zoom(1.6)}>
+          <Icon name="plus" />
+        </button>
+        <button class="icon" aria-label="Longer time" onClick={() => timeline.zoom(1 / 1.6)}>
+          <Icon name="minus" />
+        </button>
+        <button class="icon" aria-label="All of the time" onClick={() => void timeline.fit()}>
+          <Icon name="all" />
+        </button>
+      </div>
+      <div class="time-canvas">
+        <canvas
+          id="timeline"
+          tabIndex={0}
+          role="slider"
+          aria-label="Moment that is shown"
+          aria-valuemin={Math.round(from / 1000)}
+          aria-valuemax={Math.round(to / 1000)}
+          aria-valuenow={Math.round((shown ?? to) / 1000)}
+          aria-valuetext={
+            shown === null ? "nothing has happened yet" : `${at === null ? "live, " : ""}${momentText(shown)}`
+          }
+        />
+        <Hovered timeline={timeline} />
+      </div>
+    </>
+  );
+}
+
+function Hovered({ timeline }: { timeline: Timeline }) {
+  const hover = timeline.hover.value;
+  if (!hover) return null;
+  const { target, x, y } = hover;
+  const isRight = x > LABELS_PX + 300;
+  return (
+    <div
+      class="hover-card"
+      style={{
+        transform: `translate(${isRight ? x - 12 : x + 14}px, ${y + 12}px) translate(${isRight ? "-100%" : "0"}, ${y > 110 ? "calc(-100% - 24px)" : "0"})`,
+      }}
+    >
+      {target.kind === "stay" ? (
+        <>
+          <b>{target.stay.name}</b>{" "}
+          <span class="soft">
+            in {target.row.label}
+            {target.stay.to === null ? "" : ` for ${durationText(target.stay.to - target.stay.from)}`}
+          </span>
+        </>
+      ) : (
+        <>
+          <b>{target.event.type}</b> {target.event.track?.name}{" "}
+          <span class="soft">{target.event.instance?.name}</span>
+          {target.kind === "event" && target.count > 1 && (
+            <span class="soft"> and {target.count - 1} more</span>
+          )}
+          <div class="soft number">{momentText(Date.parse(target.event.stamp))}</div>
+        </>
+      )}
+    </div>
+  );
+}

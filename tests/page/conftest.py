@@ -1,0 +1,120 @@
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from plan import Plan
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, expect, sync_playwright
+from semap_service.page import FILES
+from served import Office, Served
+from server import fresh_database
+
+from semap.cluster import Cluster
+from semap.store.database import connect
+from semap.store.schema import ensure_slot
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+PATIENCE_MS = 30_000
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--screenshots", metavar="DIR", help="write pictures of the page's states there")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    missing = None
+    if CHROMIUM is None:
+        missing = "there is no Chromium (Debian: apt-get install chromium)"
+    elif not (FILES / "index.html").is_file():
+        missing = "the page is not built: ./dev page"
+    if missing is not None:
+        for item in items:
+            if Path(__file__).parent in item.path.parents:
+                item.add_marker(pytest.mark.skip(reason=missing))
+
+
+@pytest.fixture(scope="session")
+def page_database(cluster: Cluster, template: str) -> Iterator[str]:
+    with fresh_database(cluster, template) as dsn:
+        with connect(dsn) as connection:
+            ensure_slot(connection)
+        yield dsn
+
+
+@pytest.fixture(scope="session")
+def served(page_database: str) -> Iterator[Served]:
+    """One service for all tests that leave it alone; each has a map of its own on it."""
+    running = Served(page_database)
+    try:
+        yield running.start()
+    finally:
+        running.stop()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=PATIENCE_MS)
+    with sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_GL)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def office(served: Served, request: pytest.FixtureRequest) -> Iterator[Office]:
+    """The demo's office as a map that is named as the test is."""
+    name = request.node.name.removeprefix("test_")[:60]
+    made = Office.bring_in(served.url, served.dsn, name)
+    yield made
+    made.close()
+
+
+class Watched:
+    """Fails the test for what the page said on the console, and for requests to other hosts."""
+
+    def __init__(self, page: Page) -> None:
+        self.errors: list[str] = []
+        self.hosts: set[str] = set()
+        page.on("console", self._said)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("request", self._asked)
+
+    def _said(self, message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning") and "GPU stall" not in message.text:
+            self.errors.append(message.text)
+
+    def _asked(self, request: Request) -> None:
+        if not request.url.startswith(("data:", "blob:")):
+            self.hosts.add(request.url.split("/")[2])
+
+
+@pytest.fixture
+def page(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Page]:
+    """A page that has not gone anywhere yet."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
+    context.set_default_timeout(PATIENCE_MS)
+    opened = context.new_page()
+    watched = Watched(opened)
+    yield opened
+    folder = request.config.getoption("--screenshots")
+    if folder:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        opened.screenshot(path=Path(folder) / f"{request.node.name}.png")
+    context.close()
+    assert len(watched.hosts) <= 1, "the page asks other hosts"
+    if "fails_requests" not in request.fixturenames:
+        assert watched.errors == []
+
+
+@pytest.fixture
+def fails_requests() -> None:
+    """For tests in which requests fail, of which the browser tells on the console."""
+
+
+@pytest.fixture
+def plan(page: Page, office: Office) -> Plan:
+    """The page with the office on it, live."""
+    page.goto(office.page)
+    page.wait_for_selector("#status[data-state=live]")
+    return Plan.measured(page)

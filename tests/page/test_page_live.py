@@ -1,0 +1,91 @@
+"""What moves and happens is seen at once; the past can be looked at; a service that was killed is awaited."""
+
+from __future__ import annotations
+
+from plan import Plan
+from playwright.sync_api import Locator, Page, expect
+from served import Office, Served
+
+KITCHEN, LAB = (3.0, 2.0), (11.0, 2.0)
+
+
+def who_is_here(page: Page) -> Locator:
+    return page.locator("#panel-details section").filter(has_text="Who is here")
+
+
+def test_a_track_moves_on_the_plan(plan: Plan, office: Office) -> None:
+    page = plan.page
+    page.locator("#tab-details").click()
+    ann = office.track("ann")
+    office.see(ann, *KITCHEN, after_s=0)
+    expect(who_is_here(page).get_by_role("listitem")).to_have_text("annKitchen")
+    plan.finds(*KITCHEN, "ann")
+    office.see(ann, *LAB, after_s=1)
+    expect(who_is_here(page).get_by_role("listitem")).to_have_text("annLab")
+    plan.finds(*LAB, "ann")
+    plan.finds(*KITCHEN, "Kitchen")
+
+
+def test_an_event_arrives_and_leads_back_to_its_moment(plan: Plan, office: Office) -> None:
+    page = plan.page
+    ann = office.track("ann")
+    office.see(ann, *KITCHEN, after_s=-40)
+    office.see(ann, *LAB, after_s=-20)
+    page.locator("#tab-events").click()
+    stamp = office.happen("entered", ann, "lab", after_s=-20)
+    event = page.locator("#event-list").get_by_role("button")
+    expect(event).to_have_count(1)
+    expect(event).to_contain_text("ann entered lab")
+    event.click()
+    expect(page.locator("#status")).to_have_attribute("data-state", "past")
+    expect(page.locator("#panel-details h2")).to_have_text("entered")
+    slider = page.get_by_role("slider", name="Moment that is shown")
+    expect(slider).to_have_attribute("aria-valuenow", str(int(stamp.timestamp())))
+    plan.finds(*LAB, "ann")
+
+
+def test_scrub_back_and_return_to_live(plan: Plan, office: Office) -> None:
+    page = plan.page
+    ann = office.track("ann")
+    office.see(ann, *KITCHEN, after_s=-60)
+    office.see(ann, *LAB, after_s=-1)
+    page.locator("#tab-details").click()
+    expect(who_is_here(page)).to_contain_text("Lab")
+    slider = page.get_by_role("slider", name="Moment that is shown")
+    expect(slider).not_to_have_attribute("aria-valuetext", "nothing has happened yet")
+    slider.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("#status")).to_have_attribute("data-state", "past")
+    for _ in range(20):
+        if "Kitchen" in who_is_here(page).inner_text():
+            break
+        page.keyboard.press("Shift+ArrowLeft")
+        page.wait_for_load_state("networkidle")
+    expect(who_is_here(page)).to_contain_text("Kitchen")
+    page.locator("#go-live").click()
+    expect(page.locator("#status")).to_have_attribute("data-state", "live")
+    expect(who_is_here(page)).to_contain_text("Lab")
+
+
+def test_a_killed_service_is_awaited(page: Page, page_database: str, fails_requests: None) -> None:
+    own = Served(page_database)
+    try:
+        own.start()
+        office = Office.bring_in(own.url, own.dsn, "killed")
+        ann = office.track("ann")
+        office.see(ann, *KITCHEN, after_s=0)
+        page.goto(office.page)
+        page.locator("#tab-details").click()
+        expect(who_is_here(page)).to_contain_text("Kitchen")
+        own.kill()
+        expect(page.locator("#status")).to_have_attribute("data-state", "disconnected")
+        office.see(ann, *LAB, after_s=1)
+        office.happen("entered", ann, "lab", after_s=1)
+        own.start()
+        expect(page.locator("#status")).to_have_attribute("data-state", "resumed", timeout=30_000)
+        expect(who_is_here(page)).to_contain_text("Lab")
+        page.locator("#tab-events").click()
+        expect(page.locator("#event-list").get_by_role("button")).to_have_count(1)
+        office.close()
+    finally:
+        own.stop()

@@ -1,0 +1,97 @@
+"""How heavy the page is, how soon there is a picture, and whether everybody can use it (axe)."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+from semap_service.page import FILES
+from served import Office, Served
+
+AXE = Path(__file__).parents[2] / "service" / "page" / "node_modules" / "axe-core" / "axe.min.js"
+HEAVIEST_BYTES = 1_000_000
+FIRST_PICTURE_S = 2.0
+SEVERE = ("serious", "critical")
+FIRST_PICTURE = """() => new Promise((resolve) => {
+    const told = (found) => resolve(found.getEntries().at(-1).startTime);
+    new PerformanceObserver(told).observe({type: "largest-contentful-paint", buffered: true});
+})"""
+
+STATES = {
+    "plan": "#tab-details",
+    "events": "#tab-events",
+    "edit": "#tab-edit",
+    "rules": "#tab-rules",
+    "queries": "#tab-queries",
+    "import": "#tab-import",
+}
+
+
+def test_the_page_is_light() -> None:
+    sent = [file for file in FILES.rglob("*") if file.is_file() and file.suffix not in (".br", ".gz", ".map")]
+    assert sum(len(gzip.compress(file.read_bytes())) for file in sent) <= HEAVIEST_BYTES
+
+
+def test_the_browser_is_sent_what_is_packed(page: Page, served: Served) -> None:
+    session = page.context.new_cdp_session(page)
+    session.send("Network.enable")
+    sizes: list[int] = []
+    session.on("Network.loadingFinished", lambda event: sizes.append(event["encodedDataLength"]))
+    page.goto(served.url)
+    page.wait_for_selector("#tabs [role=tab]")
+    assert 0 < sum(sizes) <= HEAVIEST_BYTES
+
+
+@pytest.mark.slow
+def test_the_first_picture_comes_soon(page: Page, served: Served, office: Office) -> None:
+    page.goto(office.page)
+    page.wait_for_selector("#status[data-state=live]")
+    assert page.evaluate(FIRST_PICTURE) <= FIRST_PICTURE_S * 1000
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there: npm ci in service/page")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_everybody_can_use_it(page: Page, office: Office, theme: str) -> None:
+    page.emulate_media(color_scheme="dark" if theme == "dark" else "light")
+    ann = office.track("ann")
+    office.see(ann, 3, 2, after_s=-2)
+    office.happen("entered", ann, "kitchen", after_s=-2)
+    page.goto(office.page)
+    page.wait_for_selector("#status[data-state=live]")
+    page.evaluate(AXE.read_text())
+    found: dict[str, list[str]] = {}
+    for state, tab in STATES.items():
+        page.locator(tab).click()
+        found[state] = violations(page)
+    page.locator("#tab-rules").click()
+    page.get_by_role("button", name="Write a rule").click()
+    page.get_by_label("The rule as YAML").fill("name: a\ninput: track_in_room\nemit: {begun: b}\n")
+    expect(page.locator("#rule-verdict")).to_contain_text("there is no such edge")
+    found["writing"] = violations(page)
+    page.keyboard.press("Escape")
+    page.locator("#stage").focus()
+    page.keyboard.press("r")
+    found["drawing"] = violations(page)
+    page.keyboard.press("Escape")
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog")).to_be_visible()
+    found["dialog"] = violations(page)
+    page.keyboard.press("Escape")
+    page.get_by_role("slider", name="Moment that is shown").focus()
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("#status")).to_have_attribute("data-state", "past")
+    found["past"] = violations(page)
+    assert found == {state: [] for state in found}
+
+
+def violations(page: Page) -> list[str]:
+    """Serious and critical ones: the rule, and the first element that breaks it."""
+    result: dict[str, Any] = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    return [
+        f"{each['id']}: {each['nodes'][0]['html'][:120]}"
+        for each in result["violations"]
+        if each["impact"] in SEVERE
+    ]
