@@ -16,7 +16,19 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from bench import abstractions, latency, office, operators, recording, rules, solid, throughput
+from bench import (
+    abstractions,
+    feed,
+    latency,
+    looking_back,
+    office,
+    operators,
+    page,
+    recording,
+    rules,
+    solid,
+    throughput,
+)
 from semap.cluster import lease
 from semap.store.schema import migrate
 
@@ -49,12 +61,24 @@ BENCHMARKS = {
         "p50_ms at most 10 at 1,000 states/s",
         lambda dsn: [latency.measure(dsn, rate) for rate in (1_000, 10_000)],
     ),
+    "feed": Benchmark(
+        f"{feed.READERS + feed.DEAF} WebSocket clients, {feed.EVENTS_PER_S:,} events/s for"
+        f" {feed.LENGTH_S:.0f} s; then {feed.DEAF} of them do not read",
+        "missed 0, out_of_order 0, deaf_still_open 0, server_peak_mb bounded",
+        feed.measure,
+        "about three minutes",
+    ),
     "abstractions": Benchmark(
         "all abstractions of meshes of a million triangles",
         "seconds at most 5, peak_rss_mb at most 2048",
         lambda _: abstractions.measure(),
     ),
     "operators": Benchmark("questions over 100,000 instances", "median_ms at most 10", operators.measure),
+    "looking_back": Benchmark(
+        "a moment, ways and pages: seven million states of 50 tracks, 100,000 instances",
+        "median_ms at most 20",
+        looking_back.measure,
+    ),
     "solid": Benchmark(
         "exact 3D predicates on pairs of meshes",
         "boxes apart 1 ms, surfaces apart 100 ms, touching 1 s, at 1,280 triangles",
@@ -67,6 +91,13 @@ BENCHMARKS = {
     ),
     "recording": Benchmark(
         "scans read from disk as values", "at least 20,000 scans/s", lambda _: recording.measure()
+    ),
+    "page": Benchmark(
+        f"the page in Chromium, drawn by software, with {page.TRACKS} moving tracks and"
+        f" {page.TRIANGLES:,} triangles",
+        "page_kb at most 1000, first_picture_ms at most 2000",
+        page.measure,
+        "about a minute, and needs Chromium",
     ),
 }
 

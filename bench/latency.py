@@ -53,7 +53,7 @@ def measure(dsn: str, states_per_s: int) -> dict[str, object]:
     port = free_port()
     with Supervisor(dsn) as supervisor:
         supervisor.start("work")
-        supervisor.start("serve", "--port", str(port))
+        supervisor.start("serve", "--port", str(port), "--without-tokens")
         _await_service(port)
         sent = Sent()
         write = Thread(target=_write, args=(dsn, track_ids, places, per_batch, frames, sent))
@@ -129,5 +129,5 @@ async def _listen(port: int, name: str, write: Thread) -> list[tuple[int, float]
                 continue
             at_s = time.monotonic()
             document = json.loads(message)
-            if document["type"] == "event":
-                received.append((parse_stamp(document["event"]["stamp"]), at_s))
+            if document["type"] == "events":
+                received += [(parse_stamp(event["stamp"]), at_s) for event in document["events"]]

@@ -57,12 +57,49 @@ class TooLarge(CallerError):
     """An upload that exceeds a limit."""
 
 
+class AccessRefused(CallerError):
+    """The token is missing, unknown or expired, or does not allow what was asked for."""
+
+
+class TooManyRequests(CallerError):
+    """The caller asks more often than it may; `retry_after_s` is when it may again."""
+
+    def __init__(self, message: str, remedy: str = "", retry_after_s: float = 1.0) -> None:
+        super().__init__(message, remedy)
+        self.retry_after_s = retry_after_s
+
+
+class NoLongerKept(CallerError):
+    """Events after the cursor have been deleted meanwhile; `oldest` is the first that is left."""
+
+    def __init__(self, after: int, oldest: int | None) -> None:
+        kept = "none is left" if oldest is None else f"the oldest that is kept is {oldest}"
+        super().__init__(
+            f"Events after number {after} are no longer kept; {kept}.",
+            "Read again what was built from the events, and go on from there.",
+        )
+        self.after = after
+        self.oldest = oldest
+
+
+class ServiceUnreachable(SemapError):
+    """The service does not answer, or the connection to it was lost."""
+
+
 class UntrustedBytes(SemapError):
     """Bytes from a peer that do not follow its protocol."""
 
 
 class DatabaseError(SemapError):
     """The database cannot do what semap needs."""
+
+
+class NotPermitted(DatabaseError):
+    """The role that is used may not do this."""
+
+
+class StatementTooLong(DatabaseError):
+    """A statement took longer than it may, and was cancelled."""
 
 
 class ServerMissing(DatabaseError):

@@ -24,6 +24,7 @@ language plpgsql security definer
 set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off as $$
 declare
   v_source_id  integer;
+  v_states     bigint;
   v_unknown    bigint;
   v_foreign    bigint;
   v_late       bigint;
@@ -38,7 +39,8 @@ begin
   perform semap.hold_regions();
   perform semap.hold_source(v_source_id);
 
-  select min(n.track_id) filter (where t.track_id is null),
+  select count(*),
+         min(n.track_id) filter (where t.track_id is null),
          min(n.track_id) filter (where t.source_id <> v_source_id),
          count(*) filter (where n.stamp <= t.stamp),
          array_agg(distinct n.track_id) filter (where not (
@@ -48,7 +50,7 @@ begin
                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
            and not n.is_last) is true),
          count(*) > count(distinct n.track_id), bool_or(not t.live), bool_or(n.is_last)
-    into v_unknown, v_foreign, v_late, v_restless, v_several, v_revives, v_ends
+    into v_states, v_unknown, v_foreign, v_late, v_restless, v_several, v_revives, v_ends
   from new_state n left join semap.track_now t using (track_id);
 
   if v_unknown is not null then
@@ -58,6 +60,9 @@ begin
   if v_foreign is not null then
     raise exception 'The states of one statement come from more than one source.'
       using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
+  end if;
+  if v_states > 0 then
+    perform semap.count_received(v_source_id, p_track_states => v_states);
   end if;
   if v_late > 0 then
     update semap.source set late_states = late_states + v_late where source_id = v_source_id;

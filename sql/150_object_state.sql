@@ -86,18 +86,26 @@ comment on function semap.object_state_arrives is
 create or replace trigger object_state_arrives before insert on semap.object_state
   for each row execute function semap.object_state_arrives();
 
--- Refuse a statement with states of several sources: two of them could wait for one another.
+-- Refuse a statement with states of several sources, since two of them could wait for one another, and count the others.
 create or replace function semap.object_states_arrived() returns trigger
-language plpgsql as $$
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_first   integer;
+  v_last    integer;
+  v_states  bigint;
 begin
-  if (select min(source_id) <> max(source_id) from new_state) then
+  select min(source_id), max(source_id), count(*) into v_first, v_last, v_states from new_state;
+  if v_first <> v_last then
     raise exception 'The states of one statement come from more than one source.'
       using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
+  end if;
+  if v_states > 0 then
+    perform semap.count_received(v_first, p_object_states => v_states);
   end if;
   return null;
 end $$;
 comment on function semap.object_states_arrived is
-  'Refuse a statement with states of several sources: two of them could wait for one another.';
+  'Refuse a statement with states of several sources, since two of them could wait for one another, and count the others.';
 
 create or replace trigger object_states_arrived after insert on semap.object_state
   referencing new table as new_state for each statement execute function semap.object_states_arrived();

@@ -26,7 +26,7 @@ comment on function semap.track_footprint is
   'The ground that a body covers: an ellipse, its length along the heading, or a circle.';
 
 -- Where each track that lives is, and the ground that it covers.
-create or replace view semap.track_present as
+create or replace view semap.track_present with (security_invoker = true) as
   select t.map_id, t.track_id, k.name as track, t.source_id, n.name as source, t.stamp, t.x_m, t.y_m, t.z_m, t.std_m,
          t.heading_rad, t.speed_mps, t.length_m, t.width_m,
          semap.track_footprint(t.x_m, t.y_m, t.heading_rad, t.length_m, t.width_m) as footprint
@@ -98,7 +98,7 @@ create or replace trigger track_amendments_arrived after insert on semap.track_a
   referencing new table as new_amendment for each statement execute function semap.track_amendments_arrived();
 
 -- What trackers found that they had mistaken, by name. Relations and rules take the tracks as they were told.
-create or replace view semap.track_amended as
+create or replace view semap.track_amended with (security_invoker = true) as
   select a.track_amendment_id, a.map_id, m.name as map, n.name as source, a.kind, a.track_id, k.name as track,
          a.other_track_id, o.name as other_track, a.since, a.found, a.received_at
   from semap.track_amendment a

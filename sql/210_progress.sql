@@ -80,6 +80,8 @@ comment on function semap.write_rule_states is
 -- Write which rows wait for the watermark, which wait no more, and which came too late for it.
 create or replace function semap.write_rows(p_worker text, p_pending jsonb, p_late jsonb) returns void
 language plpgsql as $$
+declare
+  v_late  bigint;
 begin
   if jsonb_array_length(p_pending -> 'removed') > 0 then
     delete from semap.pending_row w
@@ -98,6 +100,8 @@ begin
     from jsonb_to_recordset(p_late) as r (
       map_id integer, uid text, input text, stamp timestamptz, watermark timestamptz, row jsonb)
     on conflict (map_id, uid) do nothing;
+    get diagnostics v_late = row_count;
+    update semap.progress set late_rows = late_rows + v_late where worker = p_worker;
   end if;
 end $$;
 comment on function semap.write_rows is

@@ -1,5 +1,5 @@
 -- Which track is in which instance now, by name.
-create or replace view semap.relation_now as
+create or replace view semap.relation_now with (security_invoker = true) as
   select m.name as map, r.query_name as query, n.track_id, t.name as track, n.instance_id,
          r.instance_name as instance, n.since, n.map_id
   from semap.relation n

@@ -6,7 +6,8 @@ declare
   v_role      text;
   v_function  regprocedure;
 begin
-  foreach v_role in array array['semap_read', 'semap_ingest', 'semap_worker', 'semap_api'] loop
+  foreach v_role in array array['semap_read', 'semap_ingest', 'semap_worker', 'semap_api', 'semap_admin',
+                                'semap_read_map', 'semap_ingest_map', 'semap_api_map'] loop
     if not exists (select from pg_roles where rolname = v_role) then
       begin
         execute format('create role %I nologin', v_role);
@@ -19,7 +20,9 @@ begin
     end if;
     execute format('grant usage on schema semap to %I', v_role);
     execute format('revoke all on all tables in schema semap from %I', v_role);
-    execute format('grant select on all tables in schema semap to %I', v_role);
+    if v_role not like '%\_map' then -- what those may read, sql/910 says
+      execute format('grant select on all tables in schema semap to %I', v_role);
+    end if;
   end loop;
   for v_function in
     select oid from pg_proc where pronamespace = 'semap'::regnamespace and prosecdef

@@ -6,11 +6,14 @@ import mapbox_earcut
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
 from semap.errors import InvalidInput
 from semap.model.building import Mesh
+
+SAME_M = 1e-6
 
 
 def extrude(footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -> Mesh:
@@ -31,6 +34,22 @@ def extrude(footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -
         np.concatenate([prism.vertices_m for prism in prisms]),
         np.concatenate([prism.faces + start for prism, start in zip(prisms, starts, strict=True)]),
     )
+
+
+def is_prism(body: Mesh, footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -> bool:
+    """Whether a mesh has the corners of the prism over a footprint, and no others, within a micrometre."""
+    corners = shapely.get_coordinates(footprint)
+    expected = np.concatenate([np.c_[corners, np.full(len(corners), z)] for z in (z_min_m, z_max_m)])
+    there = _all_near(expected, body.vertices_m)
+    return there and _all_near(body.vertices_m, expected)
+
+
+def _all_near(points_m: NDArray[np.float64], others_m: NDArray[np.float64]) -> bool:
+    """Whether each point has one of the others beside it."""
+    if not len(points_m) or not len(others_m):
+        return False
+    distances_m, _ = cKDTree(others_m).query(points_m, distance_upper_bound=SAME_M)
+    return bool(np.isfinite(distances_m).all())
 
 
 def _extrude_part(part: Polygon, z_min_m: float, z_max_m: float) -> Mesh:

@@ -51,10 +51,13 @@ class Concept:
     attribute_schema: Mapping[str, object] | None = None
 
 
-def list_concepts(connection: Connection) -> tuple[Concept, ...]:
-    """All concepts by name."""
+def list_concepts(
+    connection: Connection, *, after: str = "", limit: int | None = None
+) -> tuple[Concept, ...]:
+    """Concepts by name, from the first name after `after`; all, or at most `limit`."""
+    found = _CONCEPTS.where(concept.c.name > after).order_by(concept.c.name).limit(limit)
     with translated():
-        return tuple(_concept(tuple(row)) for row in connection.execute(_CONCEPTS.order_by(concept.c.name)))
+        return tuple(_concept(tuple(row)) for row in connection.execute(found))
 
 
 def get_concept(connection: Connection, name: str) -> Concept:

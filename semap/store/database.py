@@ -1,12 +1,12 @@
 """Connections to the database, and its errors in semap's words.
 
-A connection takes a role (semap_read, semap_ingest, semap_worker, semap_api), so that PostgreSQL
+A connection takes a role (semap_read, semap_ingest, semap_worker, semap_api, semap_admin), so that PostgreSQL
 refuses a write that skips a stage; without one it has the rights of the DSN's own user.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import psycopg
@@ -14,9 +14,19 @@ from psycopg import errors, sql
 from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
-from semap.errors import Conflict, DatabaseError, InvalidInput, NotFound, SemapError, ServerUnavailable
+from semap.errors import (
+    Conflict,
+    DatabaseError,
+    InvalidInput,
+    NotFound,
+    NotPermitted,
+    SemapError,
+    ServerUnavailable,
+    StatementTooLong,
+)
 
 CONNECT_TIMEOUT_S = 10
+MOST_NAMES = 10
 
 
 def connect(
@@ -34,9 +44,13 @@ def connect(
             connect_timeout=CONNECT_TIMEOUT_S,
             options="-c timezone=UTC -c datestyle=ISO",
         )
-        if role is not None:
-            connection.execute(sql.SQL("set role {}").format(sql.Identifier(role)))
-        connection.autocommit = autocommit
+        try:
+            if role is not None:
+                connection.execute(sql.SQL("set role {}").format(sql.Identifier(role)))
+            connection.autocommit = autocommit
+        except BaseException:
+            connection.close()
+            raise
     return connection
 
 
@@ -75,18 +89,19 @@ def translated() -> Iterator[None]:
         yield
     except DBAPIError as error:
         if isinstance(error.orig, psycopg.Error):
-            raise _translation(error.orig) from error
+            raise _translation(error.orig, error.params) from error
         raise
     except psycopg.Error as error:
         raise _translation(error) from error
 
 
-def _translation(error: psycopg.Error) -> SemapError:
+def _translation(error: psycopg.Error, parameters: object = None) -> SemapError:
     message = error.diag.message_primary or str(error).strip()
     remedy = error.diag.message_hint or ""
     match error:
         case errors.UniqueViolation():
-            return Conflict(error.diag.message_detail or message, remedy or "Choose another name.")
+            taken = error.diag.message_detail or _taken(error, parameters)
+            return Conflict(taken, remedy or "Choose another name.")
         case errors.ForeignKeyViolation():
             return Conflict(error.diag.message_detail or message, remedy)
         case errors.NoDataFound():
@@ -98,7 +113,11 @@ def _translation(error: psycopg.Error) -> SemapError:
         case errors.InternalError_() if message.startswith("GEOS"):
             return InvalidInput(message, remedy or "Give shapes and numbers that geometry can be made of.")
         case errors.InsufficientPrivilege():
-            return DatabaseError(message, remedy or "Use a role that may do this.")
+            return NotPermitted(message, remedy or "Use a role that may do this.")
+        case errors.QueryCanceled():
+            return StatementTooLong(
+                "It takes the database too long.", remedy or "Ask for less: a smaller limit, area or span."
+            )
         case errors.UndefinedTable() | errors.InvalidSchemaName() | errors.UndefinedFunction():
             return DatabaseError(message, "The schema is missing or out of date: run `semap db migrate`.")
         case errors.SerializationFailure() | errors.DeadlockDetected():
@@ -107,3 +126,22 @@ def _translation(error: psycopg.Error) -> SemapError:
             return ServerUnavailable(message, "See that the server runs and that SEMAP_DSN is right.")
         case _:
             return DatabaseError(message, remedy)
+
+
+def _taken(error: errors.UniqueViolation, parameters: object) -> str:
+    """What PostgreSQL does not say where a table has row-level security: which name is taken."""
+    sets = parameters if isinstance(parameters, list | tuple) else [parameters]
+    named = [
+        value
+        for each in sets
+        if isinstance(each, Mapping)
+        for key, value in each.items()
+        if str(key).partition("__")[0] in ("name", "names")
+    ]
+    names = [str(name) for each in named for name in (each if isinstance(each, list) else [each])]
+    what = (error.diag.table_name or "thing").replace("_", " ")
+    if not names or "name" not in (error.diag.constraint_name or ""):
+        return f"There is such a {what} already ({error.diag.constraint_name})."
+    if len(names) == 1:
+        return f"There is a {what} {names[0]} already."
+    return f"There is a {what} already of one of these names: {', '.join(names[:MOST_NAMES])}."

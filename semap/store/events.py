@@ -12,12 +12,16 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, column, func, literal_column, select, table
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 
 from semap.model.event import Evidence
 from semap.store.database import translated
-from semap.store.tables import event, event_amendment, event_evidence, map_, progress
+from semap.store.maps import map_id_of
+from semap.store.tables import abstraction, event, event_amendment, event_evidence, map_, progress
+
+LOOKED_AT = 10_000
+"""Events among which one read looks for those that are wanted."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class StoredEvent:
     verdict     confirmed, retracted or amended; None where the batch layer has not looked
     amended_by  the event that stands in its place
     by_batch    whether the batch layer made it
+    created_at  when it was written, by the database's clock
+    place       where its track was then, else where its instance is: WKB, in the map frame
     """
 
     seq: int
@@ -48,20 +54,74 @@ class StoredEvent:
     by_batch: bool
     verdict: str | None
     amended_by: UUID | None
+    created_at: datetime
+    place: bytes | None
     evidence: tuple[Evidence, ...]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """What was found in the numbers up to `last`, and whether there are events beyond."""
+
+    events: tuple[StoredEvent, ...]
+    last: int
+    is_full: bool
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Which events there are: the oldest that is still kept, None where none is, and the newest ever made."""
+
+    oldest: int | None
+    newest: int
+
+
+def read_stretch(
+    connection: Connection,
+    *,
+    after: int,
+    limit: int,
+    map_name: str | None = None,
+    event_type: str | None = None,
+    rule_name: str | None = None,
+) -> Stretch:
+    """Events after a number in their order, looked for among so few that it takes a bounded time.
+
+    limit  at most so many, however many fit
+    """
+    near = select(event.c.seq).where(event.c.seq > after).order_by(event.c.seq).limit(LOOKED_AT).subquery()
+    with translated():
+        last, count = connection.execute(select(func.max(near.c.seq), func.count(near.c.seq))).one()
+    if last is None:
+        return Stretch((), after, is_full=False)
+    events = list_events(
+        connection,
+        after=after,
+        until=last,
+        limit=limit,
+        map_name=map_name,
+        event_type=event_type,
+        rule_name=rule_name,
+    )
+    if len(events) == limit:
+        return Stretch(events, events[-1].seq, is_full=True)
+    return Stretch(events, last, is_full=count == LOOKED_AT)
 
 
 def list_events(
     connection: Connection,
     *,
     after: int = 0,
+    until: int | None = None,
     limit: int = 100,
     map_name: str | None = None,
     event_type: str | None = None,
     rule_name: str | None = None,
 ) -> tuple[StoredEvent, ...]:
-    """At most `limit` events with numbers above `after`, in their order."""
+    """At most `limit` events with numbers above `after`, and not above `until`, in their order."""
     found = _EVENTS.where(event.c.seq > after).order_by(event.c.seq).limit(limit)
+    if until is not None:
+        found = found.where(event.c.seq <= until)
     if map_name is not None:
         found = found.where(map_.c.name == map_name)
     if event_type is not None:
@@ -73,12 +133,35 @@ def list_events(
     return tuple(_event(row) for row in rows)
 
 
+def list_events_between(
+    connection: Connection, map_name: str, start: datetime, end: datetime, *, limit: int = 100
+) -> tuple[StoredEvent, ...]:
+    """At most `limit` events of a map from `start` to `end`, both included, in the order of their stamps.
+
+    raises  NotFound if there is no such map
+    """
+    map_id = map_id_of(connection, map_name)
+    within = (event.c.map_id == map_id, event.c.stamp >= start, event.c.stamp <= end)
+    with translated():
+        rows = connection.execute(
+            _EVENTS.where(*within).order_by(event.c.stamp, event.c.seq).limit(limit)
+        ).all()
+    return tuple(_event(row) for row in rows)
+
+
 def newest_event(connection: Connection) -> int:
     """The number of the newest event; 0 where there was none. It does not go back when a map is deleted."""
     made = select(func.max(progress.c.event_seq)).scalar_subquery()
     there = select(func.max(event.c.seq)).scalar_subquery()
     with translated():
         return int(connection.scalar(select(func.greatest(made, there, 0))) or 0)
+
+
+def kept_events(connection: Connection) -> Kept:
+    """Which events there are now."""
+    with translated():
+        oldest = connection.scalar(select(func.min(event.c.seq)))
+    return Kept(oldest, newest_event(connection))
 
 
 def _event(row: Sequence[Any]) -> StoredEvent:
@@ -90,6 +173,21 @@ def _evidence(uid: str, variable: str, source: Any, stamp: str) -> Evidence:
     return Evidence(UUID(uid), variable, source, datetime.fromisoformat(stamp))
 
 
+_SEEN = table(
+    "track_state_seen", column("track_id"), column("stamp"), column("x_m"), column("y_m"), schema="semap"
+)
+_SEEN_AT = (
+    select(func.public.st_point(_SEEN.c.x_m, _SEEN.c.y_m))
+    .where(_SEEN.c.track_id == event.c.track_id, _SEEN.c.stamp == event.c.stamp)
+    .scalar_subquery()
+)
+_POSITION = (
+    select(abstraction.c.geometry)
+    .where(
+        abstraction.c.instance_id == event.c.instance_id, abstraction.c.type == literal_column("'Position2D'")
+    )
+    .scalar_subquery()
+)
 _EVENTS = (
     select(
         event.c.seq,
@@ -111,6 +209,8 @@ _EVENTS = (
         event.c.by_batch,
         event_amendment.c.verdict,
         event_amendment.c.by_event_id,
+        event.c.created_at,
+        func.public.st_asbinary(func.coalesce(_SEEN_AT, _POSITION)),
         select(
             func.jsonb_agg(
                 aggregate_order_by(

@@ -14,12 +14,21 @@ from semap.store.name import require_name
 from semap.store.tables import map_grid
 
 
-def read_grids(connection: Connection, map_name: str, name: str | None = None) -> tuple[OccupancyGrid, ...]:
-    """The grids of a map by name, or the one of a name.
+def read_grids(
+    connection: Connection,
+    map_name: str,
+    name: str | None = None,
+    *,
+    after: str = "",
+    limit: int | None = None,
+) -> tuple[OccupancyGrid, ...]:
+    """The grids of a map by name, or the one of a name; all after `after`, or at most `limit`.
 
     raises  NotFound if there is no such map
     """
-    found = select(map_grid).where(map_grid.c.map_id == map_id_of(connection, map_name))
+    found = select(map_grid).where(
+        map_grid.c.map_id == map_id_of(connection, map_name), map_grid.c.name > after
+    )
     if name is not None:
         found = found.where(map_grid.c.name == name)
     with translated():
@@ -33,7 +42,7 @@ def read_grids(connection: Connection, map_name: str, name: str | None = None) -
                 (row.occupied_thresh, row.free_thresh),
                 row.mode,
             )
-            for row in connection.execute(found.order_by(map_grid.c.name))
+            for row in connection.execute(found.order_by(map_grid.c.name).limit(limit))
         )
 
 

@@ -16,8 +16,9 @@ from shapely import MultiPolygon, Polygon
 from sqlalchemy import Connection, func, select, update
 
 from semap.errors import Conflict, InvalidInput, NotFound
+from semap.geometry.prism import extrude, is_prism
 from semap.model.building import HeightBand, Item, Mesh
-from semap.model.pose import Pose
+from semap.model.pose import IDENTITY, Pose
 from semap.model.source_geometry import BODY, OUTLINE, SourceGeometry
 from semap.store.building import describe, insert_items
 from semap.store.concept import check_attributes, concept_id
@@ -221,10 +222,25 @@ def _reshape(connection: Connection, held: Held, changes: Changes) -> None:
         outline = own_outline(sources)
     if outline is not None and not isinstance(changes.band, Keep):
         outline = replace(outline, band=band_within(outline, map_T_item, changes.band))
+    if changes.body is None and present is not None and outline is not None:
+        sources = tuple(_following(each, present, outline) for each in sources)
     sources = tuple(each for each in sources if each.name != OUTLINE)
     reshape(
         connection, _own_description(connection, held), sources if outline is None else (*sources, outline)
     )
+
+
+def _following(source: SourceGeometry, before: SourceGeometry, after: SourceGeometry) -> SourceGeometry:
+    """A body that is just the prism over the outline becomes the one over the new outline; others stay."""
+    if source.name != BODY or not isinstance(source.shape, Mesh) or before.band is None or after.band is None:
+        return source
+    if any(each.pose != IDENTITY for each in (source, before, after)):
+        return source
+    assert isinstance(before.shape, Polygon | MultiPolygon)  # noqa: S101  (an outline is an area)
+    if not is_prism(source.shape, before.shape, before.band.z_min_m, before.band.z_max_m):
+        return source
+    assert isinstance(after.shape, Polygon | MultiPolygon)  # noqa: S101
+    return replace(source, shape=extrude(after.shape, after.band.z_min_m, after.band.z_max_m))
 
 
 def _own_description(connection: Connection, held: Held) -> int:

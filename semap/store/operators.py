@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -73,12 +73,14 @@ def run_operator(
     *,
     limit: int = 100,
     after: str | None = None,
+    when_chosen: Callable[[Connection], None] = lambda _: None,
 ) -> Answer:
     """What an operator answers about a map, at most `limit` rows in the order of its key.
 
-    references  None: everything on the map, where the operator takes references
-    targets     likewise
-    after       `after` of the page before; an operator that edits gives all its rows at once
+    references   None: everything on the map, where the operator takes references
+    targets      likewise
+    after        `after` of the page before; an operator that edits gives all its rows at once
+    when_chosen  called before an operator that only reads, when the map and the things on it have been found
     raises      NotFound for an unknown map, operator or thing that is named, InvalidInput for a selection or
                 parameter that does not fit, with its place
     """
@@ -98,6 +100,8 @@ def run_operator(
             values[role] = list(selected_ids(connection, map_id, selection or EVERYTHING, role))
             arguments.append(f"{name} => cast(:{role} as bigint[])")
     arguments += _arguments(connection, map_id, known, dict(parameters or {}), values)
+    if not known.edits:
+        when_chosen(connection)
     statement = f"select * from {known.sql}({', '.join(arguments)})"  # noqa: S608  (names of the table)
     return _answer(connection, known, statement, values, limit, after)
 

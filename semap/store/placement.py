@@ -6,6 +6,7 @@ poses too, the newest counts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,7 @@ from semap.store.database import translated
 from semap.store.tables import frame, map_
 
 ROOT_FRAME = "map"
+LONG = 1e100
 TINY = 1e-30
 PARTS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
@@ -70,6 +72,9 @@ def normalised(pose: Pose) -> Pose:
     raises  InvalidInput if the quaternion has no length or a part is not finite
     """
     parts = np.array([pose.x_m, pose.y_m, pose.z_m, pose.qx, pose.qy, pose.qz, pose.qw])
+    largest = float(np.abs(parts[3:]).max())
+    if math.isfinite(largest) and largest > LONG:
+        parts[3:] /= largest  # so that no square of it overflows
     parts[np.abs(parts) < TINY] = 0  # PostgreSQL refuses products that underflow
     length = float(np.linalg.norm(parts[3:]))
     if np.abs(parts[:3]).max() > FARTHEST_M:

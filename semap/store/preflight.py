@@ -12,7 +12,16 @@ OLDEST_MAJOR = 15
 FIRST_WITH_GUARDED_ROLES = 16
 """From here on CREATEROLE alone may no longer grant a role that somebody else made."""
 
-ROLES = ("semap_ingest", "semap_worker", "semap_api", "semap_read")
+ROLES = (
+    "semap_ingest",
+    "semap_worker",
+    "semap_api",
+    "semap_read",
+    "semap_admin",
+    "semap_ingest_map",
+    "semap_api_map",
+    "semap_read_map",
+)
 
 Finding = tuple[str, str]
 """What is missing, and its remedy."""

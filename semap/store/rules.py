@@ -118,8 +118,10 @@ def find_rule(connection: Connection, known_as: str, map_name: str | None = None
     return _rule(rows[0])
 
 
-def list_versions(connection: Connection, rule_id: int) -> tuple[RuleVersion, ...]:
-    """What a rule declared from its first version on.
+def list_versions(
+    connection: Connection, rule_id: int, *, after: int = 0, limit: int | None = None
+) -> tuple[RuleVersion, ...]:
+    """What a rule declared in its versions after `after`, in their order; all, or at most `limit`.
 
     raises  NotFound
     """
@@ -132,8 +134,9 @@ def list_versions(connection: Connection, rule_id: int) -> tuple[RuleVersion, ..
                 rule_version.c.declaration,
                 rule_version.c.declared_at,
             )
-            .where(rule_version.c.rule_id == rule_id)
+            .where(rule_version.c.rule_id == rule_id, rule_version.c.version > after)
             .order_by(rule_version.c.version)
+            .limit(limit)
         )
         return tuple(RuleVersion(*row) for row in rows)
 
@@ -148,16 +151,23 @@ def add_rule(
     """
     map_id = map_id_of(connection, map_name)
     values = _values(connection, map_id, declared, backfill_from)
+    _require_free(connection, map_id, declared.name)
     with translated():
-        taken = connection.scalar(
-            select(rule.c.rule_id).where(rule.c.map_id == map_id, rule.c.name == declared.name)
-        )
-        if taken is not None:
-            raise Conflict(
-                f"There is a rule {declared.name} on this map already.", "Replace it, or choose another name."
-            )
         rule_id = connection.scalar(insert(rule).values(map_id=map_id, **values).returning(rule.c.rule_id))
     return get_rule(connection, int(rule_id or 0))
+
+
+def queries_read(
+    connection: Connection, map_name: str, declared: Declared, replaces: int | None = None
+) -> frozenset[str]:
+    """The names of the queries that a rule would read, added to a map or in place of another.
+
+    raises  as `add_rule`; nothing is written
+    """
+    map_id = map_id_of(connection, map_name)
+    found = _queries_read(connection, map_id, declared)
+    _require_free(connection, map_id, declared.name, replaces)
+    return frozenset(found)
 
 
 def declare_rule(
@@ -202,6 +212,14 @@ def edit_alone(connection: Connection) -> None:
     """Keep everybody else from editing maps and rules until the transaction ends."""
     with translated():
         connection.execute(select(func.semap.change_regions()))
+
+
+def _require_free(connection: Connection, map_id: int, name: str, replaces: int | None = None) -> None:
+    """raises Conflict if a rule, other than the one that is replaced, has this name on the map"""
+    with translated():
+        taken = connection.scalar(select(rule.c.rule_id).where(rule.c.map_id == map_id, rule.c.name == name))
+    if taken not in (None, replaces):
+        raise Conflict(f"There is a rule {name} on this map already.", "Replace it, or choose another name.")
 
 
 def _values(

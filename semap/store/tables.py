@@ -264,6 +264,16 @@ source = Table(
     UniqueConstraint("map_id", "name"),
 )
 
+source_count = Table(
+    "source_count",
+    METADATA,
+    _ref("source_id", "source.source_id", primary_key=True),
+    Column("track_states", BigInteger, nullable=False),
+    Column("lines", BigInteger, nullable=False),
+    Column("object_states", BigInteger, nullable=False),
+    Column("received_at", STAMP, nullable=False),
+)
+
 recording = Table(
     "recording",
     METADATA,
@@ -510,6 +520,7 @@ progress = Table(
     Column("rule_state", JSONB, nullable=False),
     Column("watermarks", JSONB, nullable=False),
     Column("updated_at", STAMP, nullable=False),
+    Column("late_rows", BigInteger, nullable=False),
 )
 
 rule_state = Table(
@@ -600,4 +611,99 @@ event_amendment = Table(
     Column("by_event_id", ForeignKey("semap.event.event_id", ondelete="CASCADE")),
     _ref("run_id", "recompute_run.run_id"),
     Column("amended_at", STAMP, nullable=False),
+)
+
+job = Table(
+    "job",
+    METADATA,
+    _id("job_id"),
+    _text("kind"),
+    _text("map", nullable=True),
+    _text("file"),
+    _text("state"),
+    Column("cancel_requested", Boolean, nullable=False),
+    Column("progress", REAL, nullable=False),
+    _text("message"),
+    Column("result", JSONB(none_as_null=True)),
+    Column("problem", JSONB(none_as_null=True)),
+    Column("token_id", BigInteger),
+    _text("created_by"),
+    Column("created_at", STAMP, nullable=False),
+    Column("finished_at", STAMP),
+)
+
+webhook = Table(
+    "webhook",
+    METADATA,
+    _id("webhook_id"),
+    _text("url"),
+    _text("description"),
+    Column("maps", ARRAY(Text)),
+    _text("event_type", nullable=True),
+    _text("rule_name", nullable=True),
+    _text("filter", nullable=True),
+    _text("state"),
+    _text("state_reason"),
+    Column("cursor", BigInteger, nullable=False),
+    Column("attempts", Integer, nullable=False),
+    Column("next_attempt_at", STAMP, nullable=False),
+    Column("given_up_in_row", Integer, nullable=False),
+    Column("delivered_count", BigInteger, nullable=False),
+    Column("failed_count", BigInteger, nullable=False),
+    Column("last_delivered_at", STAMP),
+    _text("last_error"),
+    Column("last_error_at", STAMP),
+    _text("created_by"),
+    Column("created_at", STAMP, nullable=False),
+)
+
+webhook_secret = Table(
+    "webhook_secret",
+    METADATA,
+    _id("webhook_secret_id"),
+    Column("webhook_id", ForeignKey("semap.webhook.webhook_id", ondelete="CASCADE"), nullable=False),
+    Column("secret", LargeBinary, nullable=False),
+    Column("created_at", STAMP, nullable=False),
+    Column("expires_at", STAMP),
+)
+
+webhook_dead_letter = Table(
+    "webhook_dead_letter",
+    METADATA,
+    _id("webhook_dead_letter_id", BigInteger),
+    Column("webhook_id", ForeignKey("semap.webhook.webhook_id", ondelete="CASCADE"), nullable=False),
+    Column("seq", BigInteger, nullable=False),
+    Column("event_id", Uuid, nullable=False),
+    _text("map"),
+    _text("type"),
+    _text("body"),
+    Column("attempts", Integer, nullable=False),
+    _text("error"),
+    Column("status", SmallInteger),
+    Column("given_up_at", STAMP, nullable=False),
+    Column("resend_requested_at", STAMP),
+    UniqueConstraint("webhook_id", "seq"),
+)
+
+token = Table(
+    "token",
+    METADATA,
+    _id("token_id"),
+    _text("name"),
+    Column("hash", LargeBinary, nullable=False, unique=True),
+    _text("hint"),
+    Column("scopes", ARRAY(Text), nullable=False),
+    Column("all_maps", Boolean, nullable=False),
+    Column("created_at", STAMP, nullable=False),
+    _text("created_by"),
+    Column("expires_at", STAMP),
+    Column("last_used_at", STAMP),
+    Column("revoked_at", STAMP),
+)
+
+token_map = Table(
+    "token_map",
+    METADATA,
+    _ref("token_id", "token.token_id", primary_key=True),
+    _ref("map_id", "map.map_id", primary_key=True),
 )

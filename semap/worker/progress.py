@@ -71,6 +71,7 @@ class Progress:
     def watermarks_json(self) -> dict[str, object]:
         return {
             "committed_at_us": self.committed_at_us,
+            "dropped": self.engine.dropped,
             "facts_at_us": self.facts_at_us,
             "maps": self.engine.watermarks_json(),
             "spoken_at_us": self.spoken_at_us,

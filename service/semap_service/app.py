@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import fastapi_offline
@@ -15,10 +16,25 @@ from fastapi.staticfiles import StaticFiles
 
 from semap import __version__
 from semap.store.database import open_engine
+from semap_service.access.caller import SYSTEM, acting_as
+from semap_service.access.cors import CrossOrigin
+from semap_service.access.gate import Gate
+from semap_service.access.known_tokens import KnownTokens
+from semap_service.access.limits import LIMITS, Limits
+from semap_service.compression import Compressed
 from semap_service.feed import Feed
+from semap_service.feed.channel import Channels
+from semap_service.feed.subscription import Pace
+from semap_service.jobs.body_limit import body_limit
+from semap_service.jobs.runner import JOBS, JobRunner, JobSettings
+from semap_service.live.watch import Watches
 from semap_service.openapi import describer
-from semap_service.origin import OwnOrigin
-from semap_service.problem import answer_problems
+from semap_service.operations.instruments import Instruments
+from semap_service.operations.metrics import Metrics
+from semap_service.operations.observation import Observation, Routed
+from semap_service.origin import OwnOrigin, require_origin
+from semap_service.page import add_page
+from semap_service.problem import answer_problems, unexpected
 from semap_service.routes import (
     abstractions,
     anchor,
@@ -26,6 +42,7 @@ from semap_service.routes import (
     descriptions,
     doors,
     event_feed,
+    event_stream,
     events,
     exchange,
     frames,
@@ -34,22 +51,37 @@ from semap_service.routes import (
     health,
     history,
     instances,
+    jobs,
+    live,
     maps,
+    metrics,
+    moment,
     object_states,
+    ogc_collections,
+    ogc_items,
+    ogc_landing,
+    ogc_moving,
     operators,
     queries,
     relations,
     rooms,
+    route,
     rule_runs,
+    rule_texts,
     rules,
+    tokens,
     track_amendments,
     tracks,
+    webhooks,
+    whereabouts,
 )
 from semap_service.upload import LimitedBody
+from semap_service.webhooks.deliverer import WEBHOOKS, Deliverer, WebhookSettings
 
 ROLE = "semap_api"
 CONNECTIONS = 20
 HEARTBEAT_S = 15.0
+TICK_S = 1.0
 SWAGGER = "/docs/files"
 
 DESCRIPTION = """
@@ -65,9 +97,15 @@ history of the map.
 """
 
 RESOURCES = (
+    ogc_landing,
+    ogc_collections,
+    ogc_items,
+    ogc_moving,
     health,
+    metrics,
     exchange,
     maps,
+    moment,
     anchor,
     grids,
     frames,
@@ -75,6 +113,8 @@ RESOURCES = (
     geometries,
     instances,
     abstractions,
+    whereabouts,
+    route,
     rooms,
     doors,
     operators,
@@ -83,53 +123,71 @@ RESOURCES = (
     relations,
     object_states,
     events,
+    event_stream,
     queries,
     rule_runs,
+    rule_texts,
     rules,
     concepts,
     history,
-)
-LINKS = (
-    "/docs",
-    "/openapi.json",
-    "/health",
-    "/maps",
-    "/instances",
-    "/rooms",
-    "/doors",
-    "/tracks",
-    "/track-amendments",
-    "/operators",
-    "/relations",
-    "/object-states",
-    "/events",
-    "/queries",
-    "/rules",
-    "/concepts",
+    tokens,
+    jobs,
+    webhooks,
 )
 
 
-def create_app(dsn: str, *, heartbeat_s: float = HEARTBEAT_S) -> FastAPI:
+def create_app(
+    dsn: str,
+    *,
+    heartbeat_s: float = HEARTBEAT_S,
+    without_tokens: bool = False,
+    allowed_origins: Sequence[str] = (),
+    limits: Limits = LIMITS,
+    job_settings: JobSettings = JOBS,
+    webhook_settings: WebhookSettings = WEBHOOKS,
+) -> FastAPI:
     """The service over a database; it connects when it starts, and again whenever that is lost.
 
-    heartbeat_s  silence on the feed after which it says that it is alive
+    heartbeat_s      silence on the feed after which it says that it is alive
+    without_tokens   whoever reaches it may do everything; for programs on the same machine only
+    allowed_origins  the sites whose pages may call it from a browser, such as https://maps.example
     """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = open_engine(dsn, ROLE, application="semap serve", size=CONNECTIONS)
-        app.state.engine = engine
-        app.state.heartbeat_s = heartbeat_s
-        app.state.feed = Feed(engine, dsn)
-        following = asyncio.create_task(app.state.feed.run())
+        app.state.engine = known_tokens.engine = engine
+        app.state.known_tokens = known_tokens
+        app.state.watch = open_engine(dsn, ROLE, application="semap watch", size=1)
+        app.state.metrics = Metrics(instruments, app.state.watch, engine)
+        app.state.pace = Pace(heartbeat_s)
+        app.state.feed = Feed(engine, dsn, tick_s=min(TICK_S, heartbeat_s / 3))
+        app.state.channels = Channels(app.state.feed)
+        app.state.watches = Watches(engine)
+        app.state.feed.on_taken = instruments.feed_took
+        app.state.jobs = JobRunner(dsn, engine, job_settings)
+        app.state.webhooks = Deliverer(
+            dsn,
+            replace(webhook_settings, allow_private=webhook_settings.allow_private or without_tokens),
+            app.state.feed.wait,
+        )
+        with acting_as(SYSTEM):
+            following = asyncio.create_task(app.state.feed.run())
+            delivering = asyncio.create_task(app.state.webhooks.run())
+        app.state.jobs.start()
         try:
             yield
         finally:
-            following.cancel()
-            with suppress(asyncio.CancelledError):
-                await following
+            await asyncio.to_thread(app.state.jobs.stop)
+            for task in (delivering, following):
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+            app.state.watch.dispose()
             engine.dispose()
 
+    instruments = Instruments()
+    known_tokens = KnownTokens()
     app = FastAPI(
         title="semap",
         version=__version__,
@@ -144,19 +202,28 @@ def create_app(dsn: str, *, heartbeat_s: float = HEARTBEAT_S) -> FastAPI:
     for resource in RESOURCES:
         app.include_router(resource.router)
     app.include_router(event_feed.router)
-    _add_index(app)
-    app.add_middleware(LimitedBody)
-    app.add_middleware(OwnOrigin)
+    app.include_router(live.router)
+    _add_docs(app)
+    add_page(app)
+    app.add_middleware(Routed)
+    app.add_middleware(Compressed)
+    app.add_middleware(
+        LimitedBody,
+        limit_of=lambda scope: body_limit(scope, job_settings.most_bytes),
+        stall_s=limits.stall_s,
+    )
+    app.add_middleware(Gate, limits=limits, known_tokens=None if without_tokens else known_tokens)
+    origins = [require_origin(each) for each in allowed_origins]
+    app.add_middleware(OwnOrigin, allowed=origins)
+    if origins:
+        app.add_middleware(CrossOrigin, origins=origins)
+    app.add_middleware(Observation, instruments=instruments, failed=unexpected)
     app.openapi = describer(app)  # type: ignore[method-assign]
     return app
 
 
-def _add_index(app: FastAPI) -> None:
-    """The list of links, and interactive documentation that loads nothing from other hosts."""
-
-    @app.get("/", include_in_schema=False)
-    def index() -> dict[str, object]:
-        return {"name": "semap", "version": __version__, "links": list(LINKS)}
+def _add_docs(app: FastAPI) -> None:
+    """Interactive documentation that loads nothing from other hosts."""
 
     @app.get("/docs", include_in_schema=False)
     def docs() -> HTMLResponse:

@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from semap_service.access.description import describe_access
 from semap_service.problem import Problem
 
 FRAMEWORK_ERRORS = ("HTTPValidationError", "ValidationError")
@@ -33,6 +34,7 @@ def describer(app: FastAPI) -> Callable[[], dict[str, Any]]:
             problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update(problem.pop("$defs"))
             schemas["Problem"] = problem
+            describe_access(described)
             app.openapi_schema = described
         return app.openapi_schema
 

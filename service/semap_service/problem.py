@@ -6,6 +6,7 @@ Every error of semap is translated here and nowhere else. `remedy` is what the r
 from __future__ import annotations
 
 import logging
+import math
 from http import HTTPStatus
 from typing import Any
 
@@ -17,6 +18,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
 from semap.errors import (
+    AccessRefused,
     ChangedMeanwhile,
     Conflict,
     DatabaseError,
@@ -24,8 +26,11 @@ from semap.errors import (
     NotFound,
     SemapError,
     ServerUnavailable,
+    StatementTooLong,
     TooLarge,
+    TooManyRequests,
 )
+from semap_service.operations.request_id import current_request_id
 
 log = logging.getLogger(__name__)
 
@@ -36,10 +41,13 @@ RETRY_S = "1"
 STATUS: tuple[tuple[type[SemapError], HTTPStatus, str], ...] = (
     (NotFound, HTTPStatus.NOT_FOUND, "not-found"),
     (Conflict, HTTPStatus.CONFLICT, "conflict"),
+    (AccessRefused, HTTPStatus.FORBIDDEN, "forbidden"),
     (ChangedMeanwhile, HTTPStatus.PRECONDITION_FAILED, "changed-meanwhile"),
     (TooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too-large"),
     (InvalidInput, HTTPStatus.UNPROCESSABLE_ENTITY, "invalid-input"),
+    (TooManyRequests, HTTPStatus.TOO_MANY_REQUESTS, "too-many-requests"),
     (ServerUnavailable, HTTPStatus.SERVICE_UNAVAILABLE, "database-unavailable"),
+    (StatementTooLong, HTTPStatus.GATEWAY_TIMEOUT, "too-long"),
     (DatabaseError, HTTPStatus.INTERNAL_SERVER_ERROR, "database"),
     (SemapError, HTTPStatus.INTERNAL_SERVER_ERROR, "internal"),
 )
@@ -48,7 +56,7 @@ STATUS: tuple[tuple[type[SemapError], HTTPStatus, str], ...] = (
 REMEDIES = {
     HTTPStatus.NOT_FOUND: "See / for what there is.",
     HTTPStatus.METHOD_NOT_ALLOWED: "Use one of the methods in the header Allow.",
-    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "Simplify the mesh, or split it.",
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "Split it, simplify the mesh, or upload it as a job (Prefer).",
     HTTPStatus.BAD_REQUEST: "See that the body is complete and of the stated content type.",
 }
 
@@ -61,6 +69,14 @@ MEANING = {
     HTTPStatus.BAD_REQUEST: "The body cannot be read.",
     HTTPStatus.INTERNAL_SERVER_ERROR: "Something went wrong inside semap.",
     HTTPStatus.SERVICE_UNAVAILABLE: "The database does not answer; try again later.",
+    HTTPStatus.UNAUTHORIZED: "A token is needed, and this is none that is known.",
+    HTTPStatus.FORBIDDEN: "The token does not allow this.",
+    HTTPStatus.REQUEST_TIMEOUT: "The body did not go on arriving.",
+    HTTPStatus.REQUEST_URI_TOO_LONG: "The URL is longer than the service takes.",
+    HTTPStatus.MISDIRECTED_REQUEST: "A service without tokens was called by a name of another machine.",
+    HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE: "The headers are larger than the service takes.",
+    HTTPStatus.GATEWAY_TIMEOUT: "It takes the database too long; ask for less.",
+    HTTPStatus.TOO_MANY_REQUESTS: "Too many requests, or too much open at once; Retry-After says when.",
 }
 
 
@@ -97,6 +113,10 @@ class Problem(BaseModel):
     instance: str = Field(description="The path that was asked for.")
     remedy: str = Field(description="What can be done about it; may be empty.")
     errors: list[Place] = Field(description="The places in the request that are wrong.")
+    request_id: str = Field(
+        default_factory=current_request_id,
+        description="The id of the request, as the log of the service has it.",
+    )
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -115,7 +135,6 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _http_error)
     for beyond in (RecursionError, OverflowError, UnicodeEncodeError):
         app.add_exception_handler(beyond, _beyond)
-    app.add_exception_handler(Exception, _unexpected)
 
 
 def problem_response(
@@ -174,8 +193,14 @@ async def _semap_error(request: Request, error: Exception) -> JSONResponse:
         kind=kind,
         remedy=error.remedy,
         errors=[Place(where=where, message=str(error))] if where else [],
-        headers={"Retry-After": RETRY_S} if status == HTTPStatus.SERVICE_UNAVAILABLE else None,
+        headers=_retry_after(error, status),
     )
+
+
+def _retry_after(error: SemapError, status: HTTPStatus) -> dict[str, str] | None:
+    if isinstance(error, TooManyRequests):
+        return {"Retry-After": str(math.ceil(error.retry_after_s))}
+    return {"Retry-After": RETRY_S} if status == HTTPStatus.SERVICE_UNAVAILABLE else None
 
 
 async def _validation_error(request: Request, error: Exception) -> JSONResponse:
@@ -207,7 +232,8 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
     return problem_response(request.url.path, status, detail, headers=headers)
 
 
-async def _unexpected(request: Request, error: Exception) -> JSONResponse:
+async def unexpected(request: Request, error: Exception) -> JSONResponse:
+    """What is answered where nothing else translates an error."""
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return problem_response(
         request.url.path,

@@ -5,7 +5,7 @@ Each is alone with the map until its transaction ends, so that no two edits make
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from typing import Literal
 
@@ -59,6 +59,25 @@ def replace_rule(
     return after
 
 
+def require_fits(
+    connection: Connection, map_name: str, declaration: Declaration, replaced: Rule | None = None
+) -> None:
+    """See that a rule could be added, or replace another of the map; nothing is written, nobody waits.
+
+    raises  as `add_rule` and `replace_rule`
+    """
+    queries = rules.queries_read(
+        connection, map_name, declaration, None if replaced is None else replaced.rule_id
+    )
+    reading = dict(_reading(connection, map_name))
+    if replaced is not None:
+        if declaration.name != replaced.name:
+            _require_unread(connection, replaced)
+        del reading[replaced.name]
+    names = frozenset((*reading, declaration.name))
+    order_of_rules({**reading, declaration.name: _rules_among(declaration, queries, names)})
+
+
 def delete_rule(connection: Connection, rule_id: int) -> None:
     """Delete a rule that no other reads; the events that it made stay.
 
@@ -91,9 +110,13 @@ def _reading(connection: Connection, map_name: str) -> Mapping[str, frozenset[st
 
 
 def _rules_read(rule: Rule, names: frozenset[str]) -> frozenset[str]:
-    inputs = parse_declaration(rule.declaration, rule.name).inputs
+    return _rules_among(parse_declaration(rule.declaration, rule.name), rule.queries, names)
+
+
+def _rules_among(declaration: Declaration, queries: Collection[str], names: frozenset[str]) -> frozenset[str]:
+    """Of the names of rules, those that a declaration reads; a query of the same name comes first."""
     return names & {
         each.name
-        for each in inputs
-        if each.kind == "rule" or (each.kind is None and each.name not in rule.queries)
+        for each in declaration.inputs
+        if each.kind == "rule" or (each.kind is None and each.name not in queries)
     }

@@ -1,6 +1,7 @@
 """The transaction of a request: to read, to write, or to edit what is there.
 
-What is written is signed: the change set in the history of the map says who asked for it and why.
+It has the PostgreSQL role of what the request needs, whatever more the caller may do, and sees the caller's
+maps only. What is written is signed: the change set in the history of the map says who asked for it and why.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.requests import HTTPConnection
 
-from semap.errors import ChangedMeanwhile, NotFound, ServerUnavailable
+from semap.errors import AccessRefused, ChangedMeanwhile, NotFound, NotPermitted, ServerUnavailable
 from semap.store.database import translated
 from semap.store.history import sign
+from semap_service.access.caller import acting, current_caller
+from semap_service.access.role import entering, whole_map_role
 from semap_service.etag import Representation, etag_of, names
 
 Current = Callable[[Connection], Representation | tuple[Callable[[], Representation], ...]]
@@ -36,15 +39,37 @@ Database = Annotated[Engine, Depends(_engine)]
 def transaction(engine: Engine) -> Iterator[Connection]:
     """One transaction, committed at the end and before anything is answered.
 
-    raises  ServerUnavailable if the server does not answer, or all connections are taken
+    raises  ServerUnavailable if the server does not answer, or all connections are taken; AccessRefused where
+            a caller of some maps asks for what belongs to all; RuntimeError where nobody is acting
     """
+    whose = acting()
     try:
         with translated(), engine.begin() as connection:
+            connection.exec_driver_sql(entering(whose))
             yield connection
+    except NotPermitted as error:
+        if whose.caller.map_ids is None:
+            raise
+        raise AccessRefused(
+            f"{whose.caller.name} may not do this: it is not about its maps alone.",
+            "Use a token for all maps.",
+        ) from error
     except PoolTimeoutError as error:
         raise ServerUnavailable(
             "All connections to the database are in use.", "Try again in a moment."
         ) from error
+
+
+def on_whole_map(connection: Connection) -> None:
+    """Let what follows in a transaction use every index, for a caller who is restricted to maps.
+
+    Under row-level security PostgreSQL cannot look a shape up by its index. So a statement that is about one
+    map, which was found under it, with ids of things that were found under it, may go on without.
+    """
+    role = whole_map_role(acting())
+    if role is not None:
+        with translated():
+            connection.exec_driver_sql(role)
 
 
 @dataclass(frozen=True)
@@ -71,15 +96,23 @@ def _writing(
         Header(
             alias="Semap-Author",
             max_length=200,
-            description="Who makes this change, for the history of the map. [default: the caller's address]",
+            description="Who makes this change, for the history of the map, which names the token beside it."
+            " [default: the name of the token, or the address]",
         ),
     ] = None,
     message: Annotated[
         str, Header(alias="Semap-Message", max_length=1000, description="Why, for the history of the map.")
     ] = "",
 ) -> Writing:
-    address = "unknown" if request.client is None else request.client.host
-    return Writing(engine, _text(author) if author else address, _text(message))
+    return Writing(engine, _signature(request, _text(author) if author else None), _text(message))
+
+
+def _signature(request: Request, author: str | None) -> str:
+    """Who signs: as the caller says, beside the name of the token, which nobody can make up."""
+    caller = current_caller()
+    if caller.token_id is not None:
+        return caller.name if author is None else f"{author} ({caller.name})"
+    return author or ("unknown" if request.client is None else request.client.host)
 
 
 Write = Annotated[Writing, Depends(_writing)]

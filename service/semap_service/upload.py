@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
 from http import HTTPStatus
 
 from starlette.exceptions import HTTPException
@@ -10,34 +12,57 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from semap_service.problem import problem_response
 
 LIMIT_BYTES = 64 * 1024**2
+STALL_S = 30.0
 
 
 class LimitedBody:
-    """Refuses a body above the limit: at once where its length is announced, else as soon as it exceeds."""
+    """Refuses a body above the limit: at once where its length is announced, else as soon as it exceeds.
 
-    def __init__(self, app: ASGIApp, limit_bytes: int = LIMIT_BYTES) -> None:
+    A body that stops arriving is given up, so that clients who never finish do not hold what they began.
+
+    limit_of  how many bytes a request may have
+    stall_s   how long the next part of a body is waited for
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        limit_of: Callable[[Scope], int] = lambda _: LIMIT_BYTES,
+        stall_s: float = STALL_S,
+    ) -> None:
         self.app = app
-        self.limit_bytes = limit_bytes
+        self.limit_of = limit_of
+        self.stall_s = stall_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        detail = f"The body is larger than {self.limit_bytes} bytes."
+        limit_bytes = self.limit_of(scope)
+        detail = f"The body is larger than {limit_bytes} bytes."
         announced = dict(scope["headers"]).get(b"content-length", b"0")
-        if announced.isdigit() and int(announced) > self.limit_bytes:
+        if announced.isdigit() and int(announced) > limit_bytes:
             response = problem_response(
                 scope["path"], HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail, kind="too-large"
             )
             await response(scope, receive, send)
             return
         received = 0
+        has_all = False
 
         async def limited() -> Message:
-            nonlocal received
-            message = await receive()
+            nonlocal received, has_all
+            if has_all:
+                return await receive()  # that the client goes away is waited for without end
+            try:
+                message = await asyncio.wait_for(receive(), self.stall_s)
+            except TimeoutError:
+                raise HTTPException(
+                    HTTPStatus.REQUEST_TIMEOUT, f"No more of the body came for {self.stall_s:g} s."
+                ) from None
             received += len(message.get("body", b""))
-            if received > self.limit_bytes:
+            has_all = not message.get("more_body", False)
+            if received > limit_bytes:
                 raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
             return message
 

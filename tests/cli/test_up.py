@@ -82,7 +82,7 @@ def children(pid: int) -> dict[str, int]:
 
 def test_up_brings_all_up_keeps_it_up_and_takes_it_down(home: Path) -> None:
     port = free_port()
-    up = subprocess.Popen([sys.executable, "-m", "semap_service", "up", "--port", str(port)],
+    up = subprocess.Popen([sys.executable, "-m", "semap_service", "up", "--port", str(port), "--without-tokens"],
                           env=environment(home), stdout=subprocess.DEVNULL)  # fmt: skip
     try:
         until(lambda: healthy(port))

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput, NotFound
-from semap.event_log.timeline import MOST_DRAWN, MOST_LANES, draw_timeline
 from semap.model.event_log import Lane, Mark, Stay
+from semap.picture.timeline import MOST_DRAWN, MOST_LANES, draw_timeline
 from semap.store.database import connect
 from semap.store.event_log import Selection, lanes, log_entries
 

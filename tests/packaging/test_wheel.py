@@ -109,3 +109,18 @@ def test_it_makes_its_schema(installed: Path, tmp_path: Path, empty_database: st
         tables = session.execute("select to_regclass('semap.map'), to_regclass('semap.track_now')").fetchone()
     assert tables is not None
     assert None not in tables
+
+
+def test_the_wheel_holds_the_page_where_it_is_built(wheel: Path) -> None:
+    files = CHECKOUT / "service" / "semap_service" / "page_files"
+    if not (files / "index.html").is_file():
+        pytest.skip("the page is not built: ./dev page")
+    held = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {
+        str(file.relative_to(CHECKOUT / "service"))
+        for file in files.rglob("*")
+        if file.suffix in (".html", ".js", ".css")
+    }
+    assert len(wanted) > 2
+    assert wanted <= held
+    assert not [name for name in held if "node_modules" in name or name.endswith((".ts", ".tsx"))]

@@ -7,6 +7,7 @@ import pytest
 import uvicorn
 from running import Service
 from semap_service.app import create_app
+from semap_service.serving import OPTIONS
 
 from semap.store.database import connect
 
@@ -21,18 +22,22 @@ def plain(database: str) -> Iterator[psycopg.Connection]:
 @pytest.fixture
 def service(database: str, plain: psycopg.Connection) -> Iterator[Service]:
     """The service as it runs for users, on a port of its own."""
-    app = create_app(database, heartbeat_s=0.3)
-    config = uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=1)
+    app = create_app(database, heartbeat_s=0.3, without_tokens=True)
+    config = uvicorn.Config(
+        app, host="127.0.0.1", port=0, log_level="error", timeout_graceful_shutdown=1, **OPTIONS
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()
-    while not server.started:
-        assert thread.is_alive()
-        time.sleep(0.005)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    running = Service(port, plain)
-    running.until(lambda: app.state.feed.connected)
-    yield running
-    running.close()
-    server.should_exit = True
-    thread.join()
+    try:
+        while not server.started:
+            assert thread.is_alive()
+            time.sleep(0.005)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        running = Service(port, plain, app, server)
+        running.until(lambda: app.state.feed.connected)
+        yield running
+        running.close()
+    finally:
+        server.should_exit = True
+        thread.join()

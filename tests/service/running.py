@@ -6,6 +6,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from uuid import NAMESPACE_URL, uuid5
@@ -15,8 +16,11 @@ import numpy as np
 import psycopg
 import shapely
 import trimesh
+import uvicorn
+from fastapi import FastAPI
 from jsonschema import Draft202012Validator
 from semap_service.app import create_app
+from semap_service.feed import Feed
 from shapely.geometry import mapping
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
@@ -32,14 +36,25 @@ def published() -> dict:
 class Service:
     """`client` fails the test when an answer is not what /openapi.json says; `raw` does not look."""
 
-    def __init__(self, port: int, plain: psycopg.Connection) -> None:
+    def __init__(self, port: int, plain: psycopg.Connection, app: FastAPI, server: uvicorn.Server) -> None:
         self.url = f"http://127.0.0.1:{port}"
         self.feed_url = f"ws://127.0.0.1:{port}/events/feed"
         self.plain = plain
+        self.app = app
+        self.server = server
         self.raw = httpx.Client(base_url=self.url, timeout=30)
         self.described = published()
         self.seen: set[tuple[str, int]] = set()
         self.client = httpx.Client(base_url=self.url, timeout=30, event_hooks={"response": [self._check]})
+
+    @property
+    def server_feed(self) -> Feed:
+        """The feed of the service itself."""
+        return self.app.state.feed
+
+    def pace(self, **limits: float) -> None:
+        """Give clients of the feeds other limits."""
+        self.app.state.pace = replace(self.app.state.pace, **limits)
 
     def close(self) -> None:
         self.raw.close()

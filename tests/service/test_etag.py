@@ -170,7 +170,7 @@ def test_the_grid_is_what_was_drawn(service: Service) -> None:
     files = {"image": ("g.pgm", b"P5\n3 2\n255\n" + pixels.tobytes()), "yaml": ("g.yaml", GRID_YAML)}
     made = service.client.put("/maps/office/grids/floor", files=files).json()
     assert (made["name"], made["width"], made["height"], made["resolution_m"]) == ("floor", 3, 2, 0.1)
-    assert service.get("/maps/office/grids") == {"grids": [made]}
+    assert service.get("/maps/office/grids") == {"grids": [made], "next": None}
     assert service.get("/maps/office/grids/floor") == made
     for asked in ({"params": {"format": "pgm"}}, {"headers": {"Accept": "image/x-portable-graymap"}}):
         image = service.client.get("/maps/office/grids/floor", **asked)

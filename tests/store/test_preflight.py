@@ -80,10 +80,9 @@ def test_everything_a_plain_role_lacks_is_said_at_once(database: str) -> None:
                 f'GRANT CREATE ON DATABASE {name} TO "Ada L.";',
             ),
             (
-                'the roles semap_ingest, semap_worker, semap_api, semap_read, which "Ada L." may not create',
-                'ALTER ROLE "Ada L." CREATEROLE; or CREATE ROLE semap_ingest; CREATE ROLE semap_worker; '
-                "CREATE ROLE semap_api; CREATE ROLE semap_read; "
-                'GRANT semap_ingest, semap_worker, semap_api, semap_read TO "Ada L.";',
+                f'the roles {", ".join(ROLES)}, which "Ada L." may not create',
+                f'ALTER ROLE "Ada L." CREATEROLE; or {" ".join(f"CREATE ROLE {role};" for role in ROLES)} '
+                f'GRANT {", ".join(ROLES)} TO "Ada L.";',
             ),
         ]
         assert found(database, "Ada L.") == expected

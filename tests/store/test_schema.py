@@ -76,16 +76,9 @@ def test_a_function_of_an_earlier_version_does_not_live_on(database: str) -> Non
 def test_versions_are_those_of_alembic() -> None:
     scripts = ScriptDirectory(str(schema_folder("migrations")))
     assert scripts.get_current_head() == head_version()
-    assert [s.down_revision for s in scripts.walk_revisions()] == [
-        "0007",
-        "0006",
-        "0005",
-        "0004",
-        "0003",
-        "0002",
-        "0001",
-        None,
-    ]
+    versions = [script.revision for script in scripts.walk_revisions()]
+    assert versions == [f"{number:04}" for number in range(len(versions), 0, -1)]
+    assert [script.down_revision for script in scripts.walk_revisions()] == [*versions[1:], None]
 
 
 def test_every_function_says_what_it_does(database: str) -> None:

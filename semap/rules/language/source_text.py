@@ -25,6 +25,7 @@ CONSTANTS: Mapping[str, bool | None] = {
 WHOLE = re.compile(r"[-+]?[0-9]{1,18}\Z")
 NUMBER = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]{1,3})?\Z")
 IN_TEXT = re.compile(r"(?P<path>.*), line (?P<line>\d+), character (?P<character>\d+)\Z", re.DOTALL)
+LINE_AND_COLUMN = re.compile(r"\bline (\d+), column (\d+)")
 NEWLINE = "\n"
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -124,6 +125,17 @@ def read_source(text: str) -> SourceText:
             "a lone surrogate, which is no character", "Give YAML or JSON in UTF-8."
         ) from error
     return SourceText(text, document, reading.places)
+
+
+def line_and_column(error: InvalidInput) -> tuple[int, int] | None:
+    """Where in the text a placed error is, from 1; None if it is about the whole."""
+    found = LINE_AND_COLUMN.search(error.where)
+    return None if found is None else (int(found[1]), int(found[2]))
+
+
+def is_text(scalar: str) -> bool:
+    """Whether a scalar without quotes is read as a text, not as a number, truth value or null."""
+    return scalar not in CONSTANTS and not WHOLE.match(scalar) and not NUMBER.match(scalar)
 
 
 @dataclass

@@ -13,19 +13,24 @@ from semap_service.cli import (
     concepts,
     database,
     demo,
+    doctor,
     doors,
     evaluate,
     event_log,
     events,
     ingest,
+    jobs,
     maps,
+    plot,
     processes,
     queries,
     recompute,
     recording,
     rules,
     simulate,
+    tokens,
     tracks,
+    webhooks,
 )
 
 HELP = """
@@ -67,14 +72,18 @@ def commands() -> typer.Typer:
     app.add_typer(queries.commands(), name="query")
     app.add_typer(rules.commands(), name="rule")
     app.add_typer(tracks.commands(), name="track")
+    app.add_typer(tokens.commands(), name="token")
+    app.add_typer(webhooks.commands(), name="webhook")
+    app.add_typer(jobs.commands(), name="job")
     app.add_typer(doors.commands(), name="door")
     app.command("recompute")(recompute.recompute)
     app.add_typer(event_log.log_commands(), name="log")
-    app.add_typer(event_log.plot_commands(), name="plot")
+    app.add_typer(plot.commands(), name="plot")
     app.add_typer(simulate.commands(), name="simulate")
     app.add_typer(evaluate.commands(), name="evaluate")
     app.command("work")(processes.work)
     app.command("serve")(processes.serve)
+    app.command("doctor")(doctor.doctor)
     app.add_typer(database.commands(), name="db")
     return app
 
@@ -84,7 +93,9 @@ def main() -> None:
     try:
         commands()(standalone_mode=True)
     except SemapError as error:
-        sys.stderr.write(f"semap: {error}\n")
+        from semap_service.operations.redaction import redacted  # noqa: PLC0415
+
+        sys.stderr.write(f"semap: {redacted(str(error))}\n")
         if error.remedy:
             sys.stderr.write(f"  What to do: {error.remedy}\n")
         sys.exit(2 if isinstance(error, CallerError) else 1)

@@ -42,6 +42,7 @@ def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """Show where the database is, its schema, and how far the rule worker has come."""
     from semap.store.database import connect, translated  # noqa: PLC0415
     from semap_service.cli.session import database  # noqa: PLC0415
+    from semap_service.operations.redaction import redacted  # noqa: PLC0415
 
     with database(dsn) as opened, connect(opened, "semap_read") as connection, translated():
         row = connection.execute(
@@ -57,7 +58,7 @@ def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
     version, event_seq, updated_at, behind, active = row or (None, 0, None, None, False)
     maps, instances, tracks, events = counts or (0, 0, 0, 0)
     report = {
-        "dsn": opened,
+        "dsn": redacted(opened),
         "schema": version,
         "maps": maps,
         "instances": instances,

@@ -64,7 +64,7 @@ def demo(
     with temporary_server("demo") as dsn, Supervisor(dsn) as supervisor:
         typer.echo(f"   up after {time.monotonic() - started_s:.1f} s, schema migrated.")
         supervisor.start("work")
-        supervisor.start("serve", "--port", str(port))
+        supervisor.start("serve", "--port", str(port), "--without-tokens")
         typer.echo(f"2. The rule worker and the service: http://127.0.0.1:{port}/")
         typer.echo("3. persons and doors that a robot's camera and laser see (simulated)")
         _play_recording(dsn, fast)

@@ -2,73 +2,199 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+from uuid import UUID
 
 import typer
 
+from semap.errors import ServerUnavailable
 from semap_service.cli.output import clock, print_json_line
 from semap_service.cli.session import AsJson, Dsn, database
 
+if TYPE_CHECKING:
+    import psycopg
+    from sqlalchemy import Connection, Engine
+
+    from semap.store.events import StoredEvent, Stretch
+    from semap_service.feed import Selection
+
 PAGE = 500
 WAKE_S = 1.0
+AGAIN_S = 1.0
 WHY = {
     "appeared": "first seen there",
     "disappeared": "last seen there",
     "map": "the map was edited",
 }
-SINCE = """
-    select e.seq, e.event_id, m.name as map, e.type, e.stamp, e.cause, e.rule_name as rule,
-           e.rule_version, e.track_name as track, e.instance_name as instance, e.since, e.key, e.measures,
-           e.confidence, a.verdict, b.seq as amended_by
-    from semap.event e join semap.map m using (map_id) left join semap.event_amendment a using (event_id)
-    left join semap.event b on b.event_id = a.by_event_id
-    where e.seq > %(after)s and (%(map)s::text is null or m.name = %(map)s)
-      and (%(type)s::text is null or e.type = %(type)s)
-      and (%(rule)s::text is null or e.rule_name = %(rule)s)
-    order by e.seq limit %(limit)s
-"""
+HUES = ("cyan", "green", "magenta", "yellow", "blue", "bright_red", "bright_cyan", "bright_green")
 
 
 def events(
-    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on as new events happen.")] = False,
-    after: Annotated[int, typer.Option(help="Only events after this number.", min=0)] = 0,
+    follow: Annotated[
+        bool,
+        typer.Option("--follow", "-f", help="Go on as new events happen, also after the server was gone."),
+    ] = False,
+    after: Annotated[
+        int, typer.Option(help="Only events after this number: the last that you know.", min=0)
+    ] = 0,
     limit: Annotated[int, typer.Option(help="At most so many; 0 for all.", min=0)] = 0,
     map_name: Annotated[str | None, typer.Option("--map", help="Only events on this map.")] = None,
     kind: Annotated[str | None, typer.Option("--type", help="Only events of this type.")] = None,
     rule: Annotated[str | None, typer.Option(help="Only events of this rule.")] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(
+            "--filter",
+            metavar="CQL2",
+            help="Only events like this, such as \"track = 'ann' AND confidence > 0.8\".",
+        ),
+    ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
     """Show events, oldest first, each with its number: who entered or left which room, and when."""
-    from semap.store.database import connect  # noqa: PLC0415
+    from semap_service.feed import Selection  # noqa: PLC0415
 
-    with database(dsn) as opened, connect(opened, "semap_read", application="semap events") as connection:
-        connection.execute("listen semap_event")
-        shown = 0
+    selection = Selection(map_name, kind, rule, where)
+    selection.check()
+    reader = _Reader(selection, limit, after)
+    with database(dsn) as opened:
+        if map_name is not None:
+            _require_map(opened, map_name)
         while True:
-            page = min(PAGE, limit - shown) if limit else PAGE
-            wanted = {"after": after, "map": map_name, "type": kind, "rule": rule, "limit": page}
-            cursor = connection.execute(SINCE, wanted)
-            columns = [column.name for column in cursor.description or ()]
-            rows = [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
-            for row in rows:
-                print_json_line(row) if as_json else typer.echo(sentence(row))
-                after = row["seq"]
-            shown += len(rows)
-            if limit and shown >= limit:
-                return
-            if len(rows) < page:
+            try:
+                for row in reader.read(opened, follow):
+                    print_json_line(row) if as_json else typer.echo(sentence(row))
+                break
+            except ServerUnavailable as error:
                 if not follow:
-                    break
-                next(iter(connection.notifies(timeout=WAKE_S, stop_after=1)), None)
-        if not shown and not as_json:
-            typer.echo("No events yet. They are made while `semap up` or `semap work` runs.", err=True)
+                    raise
+                if not reader.is_waiting:
+                    typer.echo(f"semap: {error} Waiting for it; nothing will be missed.", err=True)
+                reader.is_waiting = True
+                time.sleep(AGAIN_S)
+    if not reader.shown and not as_json:
+        typer.echo("No events yet. They are made while `semap up` or `semap work` runs.", err=True)
 
 
-def sentence(row: dict[str, Any]) -> str:
-    """An event as a line for people."""
+Standing = Mapping[UUID, int]
+"""The number of each event that stands in another's place, by its id."""
+
+
+@dataclass
+class _Reader:
+    """What has been shown survives a lost connection, so that reading goes on after it."""
+
+    selection: Selection
+    limit: int
+    after: int
+    shown: int = 0
+    is_waiting: bool = False
+
+    def read(self, dsn: str, follow: bool) -> Iterator[dict[str, Any]]:
+        """Events as they come; ends at the limit, or without `follow` where there are no more.
+
+        raises  ServerUnavailable if the server does not answer, or went away
+        """
+        with _listening(dsn) as (listener, engine):
+            self.is_waiting = False
+            while True:
+                stretch, stands = _stretch(engine, self.after, self.selection)
+                for event in stretch.events:
+                    self.after = event.seq
+                    if self.selection.takes(event):
+                        self.shown += 1
+                        yield _row(event, stands)
+                        if self.shown == self.limit:
+                            return
+                self.after = stretch.last
+                if stretch.is_full:
+                    continue
+                if not follow:
+                    return
+                next(iter(listener.notifies(timeout=WAKE_S, stop_after=1)), None)
+
+
+@contextmanager
+def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
+    from semap.store.database import connect, open_engine, translated  # noqa: PLC0415
+
+    engine = open_engine(dsn, "semap_read", application="semap events", size=1)
+    try:
+        with connect(dsn, "semap_read", application="semap events") as connection, translated():
+            connection.execute("listen semap_event")
+            yield connection, engine
+    finally:
+        engine.dispose()
+
+
+def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch, Standing]:
+    from semap.store.database import translated  # noqa: PLC0415
+    from semap.store.events import read_stretch  # noqa: PLC0415
+
+    with translated(), engine.begin() as connection:
+        stretch = read_stretch(
+            connection,
+            after=after,
+            limit=PAGE,
+            map_name=selection.map,
+            event_type=selection.type,
+            rule_name=selection.rule,
+        )
+        return stretch, _numbers(connection, {each.amended_by for each in stretch.events if each.amended_by})
+
+
+def _numbers(connection: Connection, event_ids: set[UUID]) -> Standing:
+    from sqlalchemy import select  # noqa: PLC0415
+
+    from semap.store.tables import event  # noqa: PLC0415
+
+    if not event_ids:
+        return {}
+    found = connection.execute(select(event.c.event_id, event.c.seq).where(event.c.event_id.in_(event_ids)))
+    return {row.event_id: row.seq for row in found}
+
+
+def _require_map(dsn: str, name: str) -> None:
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.maps import get_map  # noqa: PLC0415
+
+    with one_transaction(dsn, "semap_read", application="semap events") as connection:
+        get_map(connection, name)
+
+
+def _row(event: StoredEvent, stands: Standing) -> dict[str, Any]:
+    """An event as JSON gives it; `amended_by` is the number of the event that stands in its place."""
+    return {
+        "seq": event.seq,
+        "event_id": event.event_id,
+        "map": event.map,
+        "type": event.type,
+        "stamp": event.stamp,
+        "cause": event.cause,
+        "rule": event.rule,
+        "rule_version": event.rule_version,
+        "track": event.track_name,
+        "instance": event.instance_name,
+        "since": event.since,
+        "key": dict(event.key),
+        "measures": dict(event.measures),
+        "confidence": event.confidence,
+        "verdict": event.verdict,
+        "amended_by": None if event.amended_by is None else stands.get(event.amended_by),
+    }
+
+
+def sentence(row: Mapping[str, Any]) -> str:
+    """An event as a line for people, in colour on a terminal that has it."""
     # what a rule finds by room is about that room, whichever of its doors came last
-    said = [row["track"], row["type"], row["key"].get("room") or row["instance"]]
+    said = [_hued(row["track"]), row["type"], row["key"].get("room") or row["instance"]]
     if row["track"] is None and row["instance"] is None:
         said += [f"{name} {value}" for name, value in row["key"].items()]
     notes = [WHY.get(row["cause"], "")]
@@ -79,7 +205,24 @@ def sentence(row: dict[str, Any]) -> str:
     notes.append(f"amended by {by}" if by is not None else row["verdict"] or "")
     remark = ", ".join(note for note in notes if note)
     line = " ".join(str(part) for part in said if part is not None)
-    return f"{row['seq']:>6}  {clock(row['stamp'])}  {line}{f' ({remark})' if remark else ''}"
+    number = _faint(f"{row['seq']:>6}  {clock(row['stamp'])}")
+    return f"{number}  {line}{_faint(f' ({remark})') if remark else ''}"
+
+
+def _hued(name: str | None) -> str | None:
+    """The same hue for the same name."""
+    if name is None or not _in_colour():
+        return name
+    return typer.style(name, fg=HUES[sum(name.encode()) % len(HUES)], bold=True)
+
+
+def _faint(text: str) -> str:
+    return typer.style(text, dim=True) if _in_colour() else text
+
+
+def _in_colour() -> bool:
+    """A terminal that has colour, and a user who wants it (https://no-color.org)."""
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def _short(value: object) -> str:

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semap_service.cli.log_options import LogFormatOption, LogLevelOption
 from semap_service.cli.output import counted, print_json
 from semap_service.cli.session import AsJson, Dsn, database
+from semap_service.operations.log_lines import LogFormat, write_log
 
 if TYPE_CHECKING:
     from semap_ingest.pipeline.ingest_recording import Ingested
@@ -64,6 +66,8 @@ def tracks(
         bool, typer.Option("--keep-open", help="Do not end the tracks at their last state.")
     ] = False,
     as_json: AsJson = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
     """Read finished tracks from a file into the database.
@@ -77,6 +81,7 @@ def tracks(
     from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
+    write_log(log_format, log_level)
     columns = {
         "track": track_column,
         "stamp": stamp_column,
@@ -164,6 +169,8 @@ def objects(
         ),
     ] = False,
     as_json: AsJson = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
     """Read states of objects, such as doors that open and close, from a file into the database.
@@ -181,6 +188,7 @@ def objects(
     from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
+    write_log(log_format, log_level)
     columns = {
         "instance": instance_column,
         "property": property_column,
@@ -241,6 +249,8 @@ def recording(
         float | None, typer.Option(help="Play at the recording's pace times this factor.", min=0.001)
     ] = None,
     as_json: AsJson = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
     """Find persons and doors in a recording of a camera and a 2D laser, and write them to the database.
@@ -255,6 +265,7 @@ def recording(
     from semap.errors import InvalidInput  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
+    write_log(log_format, log_level)
     parts = {}
     for each in topic or ():
         part, is_pair, name = each.partition("=")

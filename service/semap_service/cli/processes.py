@@ -2,32 +2,80 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from semap_service.cli.log_options import LogFormatOption, LogLevelOption
 from semap_service.cli.session import Dsn, database
+from semap_service.operations.log_lines import LogFormat, write_log
 
-Host = Annotated[
-    str, typer.Option(help="Address to listen on. There are no passwords: keep it on this machine.")
+Host = Annotated[str, typer.Option(envvar="SEMAP_HOST", help="Address to listen on.")]
+Port = Annotated[int, typer.Option(envvar="SEMAP_PORT", help="Port to listen on.", min=1, max=65535)]
+WithoutTokens = Annotated[
+    bool,
+    typer.Option(
+        "--without-tokens",
+        help="Whoever reaches the service may do everything; only for an address of this machine itself.",
+    ),
 ]
-Port = Annotated[int, typer.Option(help="Port to listen on.", min=1, max=65535)]
+AllowOrigin = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--allow-origin",
+        metavar="ORIGIN",
+        help="A site whose pages may call the service, such as https://maps.example. More than once.",
+    ),
+]
+
+Rate = Annotated[float, typer.Option(min=0.1, help="Requests a second of one caller, in the long run.")]
+Spool = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder for uploads that wait. [default: the system's for such files]", show_default=False
+    ),
+]
+MaxUpload = Annotated[int, typer.Option(min=1, help="Largest file that is imported as a job [MiB].")]
+AllowPrivateWebhooks = Annotated[
+    bool, typer.Option("--allow-private-webhooks", help="Send to addresses of private networks too.")
+]
 
 CHECK_S = 0.5
 GRACE_S = 2
 
 
-def up(host: Host = "127.0.0.1", port: Port = 8000, dsn: Dsn = None) -> None:
+def up(
+    host: Host = "127.0.0.1",
+    port: Port = 8000,
+    without_tokens: WithoutTokens = False,
+    allow_origin: AllowOrigin = None,
+    rate: Rate = 500.0,
+    spool: Spool = None,
+    max_upload_mb: MaxUpload = 2048,
+    allow_private_webhooks: AllowPrivateWebhooks = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    log_level: LogLevelOption = None,
+    dsn: Dsn = None,
+) -> None:
     """Run everything: PostGIS (semap's own, without --dsn), the rule worker and the service."""
     from semap_service.port import require_free  # noqa: PLC0415
     from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
 
+    write_log(log_format, log_level)
+    require_tokens(host, without_tokens)
     require_free(host, port)
     stop = stop_signal()
+    logged = ["--log-format", log_format, *(("--log-level", log_level) if log_level else ())]
+    served = ["--host", host, "--port", str(port), "--rate", str(rate), "--max-upload-mb", str(max_upload_mb)]
+    served += [part for origin in allow_origin or () for part in ("--allow-origin", origin)]
+    served += ["--spool", str(spool)] if spool else []
+    served += ["--without-tokens"] if without_tokens else []
+    served += ["--allow-private-webhooks"] if allow_private_webhooks else []
     typer.echo("Starting the database ...")
     with database(dsn) as opened, Supervisor(opened) as supervisor:
-        supervisor.start("work")
-        supervisor.start("serve", "--host", host, "--port", str(port))
+        supervisor.start("work", *logged)
+        supervisor.start("serve", *served, *logged)
         typer.echo(f"semap is up: http://{host}:{port}/ (Ctrl-C stops it)")
         typer.echo("Next, in another terminal:")
         typer.echo("  semap map import BUILDING.geojson")
@@ -50,35 +98,97 @@ def revive_server() -> None:
             pass
 
 
-def work(dsn: Dsn = None) -> None:
+def work(
+    log_format: LogFormatOption = LogFormat.TEXT, log_level: LogLevelOption = None, dsn: Dsn = None
+) -> None:
     """Run the rule worker: it reads changes of relations off the log and writes events.
 
     One worker reads at a time; a second one waits and takes over.
     """
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
+    from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.supervisor import stop_signal  # noqa: PLC0415
 
+    write_log(log_format, log_level)
     stop = stop_signal()
-    with database(dsn) as opened:
+    with traced("semap work"), database(dsn) as opened:
         follow(opened, stop)
 
 
-def serve(host: Host = "127.0.0.1", port: Port = 8000, dsn: Dsn = None) -> None:
-    """Run the service: REST and WebSocket over HTTP."""
+def serve(
+    host: Host = "127.0.0.1",
+    port: Port = 8000,
+    without_tokens: WithoutTokens = False,
+    allow_origin: AllowOrigin = None,
+    rate: Rate = 500.0,
+    spool: Spool = None,
+    max_upload_mb: MaxUpload = 2048,
+    allow_private_webhooks: AllowPrivateWebhooks = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    log_level: LogLevelOption = None,
+    dsn: Dsn = None,
+) -> None:
+    """Run the service: REST, feeds and the page over HTTP."""
     import uvicorn  # noqa: PLC0415
 
+    from semap_service.access.limits import Limits  # noqa: PLC0415
     from semap_service.app import create_app  # noqa: PLC0415
+    from semap_service.jobs.runner import JobSettings  # noqa: PLC0415
+    from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.port import require_free  # noqa: PLC0415
+    from semap_service.serving import OPTIONS  # noqa: PLC0415
     from semap_service.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.webhooks.deliverer import WebhookSettings  # noqa: PLC0415
 
+    write_log(log_format, log_level)
+    require_tokens(host, without_tokens)
     require_free(host, port)
     with database(dsn) as opened:
         stop_signal()
-        uvicorn.run(
-            create_app(opened),
-            host=host,
-            port=port,
-            log_level="warning",
-            access_log=False,
-            timeout_graceful_shutdown=GRACE_S,
+        if not without_tokens:
+            _say_how_to_make_a_token(opened)
+        app = create_app(
+            opened,
+            without_tokens=without_tokens,
+            allowed_origins=allow_origin or (),
+            limits=Limits(rate_per_s=rate),
+            job_settings=JobSettings(folder=spool, most_bytes=max_upload_mb * 1024**2),
+            webhook_settings=WebhookSettings(allow_private=allow_private_webhooks),
         )
+        with traced("semap serve", app):
+            uvicorn.run(
+                app,
+                host=host,
+                port=port,
+                log_config=None,
+                access_log=False,
+                timeout_graceful_shutdown=GRACE_S,
+                **OPTIONS,
+            )
+
+
+def require_tokens(host: str, without_tokens: bool) -> None:
+    """raises InvalidInput where everybody on a network could do everything"""
+    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap_service.access.host import is_loopback  # noqa: PLC0415
+
+    if without_tokens and not is_loopback(f"[{host}]" if ":" in host else host):
+        raise InvalidInput(
+            f"without tokens, everybody who reaches {host} could do everything",
+            "Listen on 127.0.0.1, or leave --without-tokens out and give tokens: semap token add NAME.",
+            "--without-tokens",
+        )
+
+
+def _say_how_to_make_a_token(dsn: str) -> None:
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.tokens import has_tokens  # noqa: PLC0415
+
+    with one_transaction(dsn, "semap_admin") as connection:
+        if not has_tokens(connection):
+            typer.echo(
+                "Nobody has a token yet. Make one, which is shown once:\n"
+                "  semap token add me --scope admin\n"
+                "On this machine alone, `--without-tokens` lets everybody in.",
+                err=True,
+            )

@@ -76,11 +76,12 @@ def signed_edit(dsn: str, message: str) -> Iterator[Connection]:
     from semap.store.history import sign  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_api") as connection:
-        sign(connection, _user(), message)
+        sign(connection, user(), message)
         yield connection
 
 
-def _user() -> str:
+def user() -> str:
+    """Who runs this command, as the machine knows them."""
     import getpass  # noqa: PLC0415
 
     try:

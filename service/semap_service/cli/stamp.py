@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from semap.errors import InvalidInput
+
 
 def read_stamp(text: str) -> datetime:
     """raises InvalidInput for what is no ISO 8601 stamp with its offset"""
@@ -22,3 +24,9 @@ From = Annotated[
     ),
 ]
 To = Annotated[datetime | None, typer.Option("--to", parser=read_stamp, metavar="STAMP", help="Before then.")]
+
+
+def require_order(start: datetime | None, end: datetime | None) -> None:
+    """raises InvalidInput where a time ends before it begins"""
+    if start is not None and end is not None and end <= start:
+        raise InvalidInput("it ends before it begins", "Give the earlier time first.", "--from, --to")

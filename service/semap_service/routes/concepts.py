@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Query, Response
 from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
@@ -50,7 +50,8 @@ class ConceptDocument(Document):
 
 
 class ConceptList(Document):
-    concepts: list[ConceptDocument] = Field(description="The whole taxonomy, by name.")
+    concepts: list[ConceptDocument] = Field(description="By name.")
+    next: str | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
 class NewConcept(Request):
@@ -80,11 +81,19 @@ class ConceptChanges(Request):
 
 
 @router.get("/concepts", operation_id="list_concepts", responses=reads())
-def list_concepts(database: Database) -> ConceptList:
+def list_concepts(
+    database: Database,
+    limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many.")] = 1000,
+    after: Annotated[
+        str, Query(max_length=200, pattern=r"^[^\x00]*$", description="Go on after this name.")
+    ] = "",
+) -> ConceptList:
     """The taxonomy: what kinds of things there are, and what they are kinds of."""
     with transaction(database) as connection:
-        found = concept.list_concepts(connection)
-    return ConceptList(concepts=[_document(each) for each in found])
+        found = concept.list_concepts(connection, after=after, limit=limit)
+    return ConceptList(
+        concepts=[_document(each) for each in found], next=found[-1].name if len(found) == limit else None
+    )
 
 
 @router.post("/concepts", operation_id="create_concept", status_code=201, responses=problems(409))

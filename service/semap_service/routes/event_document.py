@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 from uuid import UUID
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.config import JsonDict
 
 from semap.store.events import StoredEvent
@@ -127,3 +127,11 @@ def event_document(event: StoredEvent) -> EventDocument:
         amended_by=event.amended_by,
         evidence=[EvidenceDocument.model_validate(each) for each in event.evidence],
     )
+
+
+def event_json(event: StoredEvent) -> bytes:
+    """The document of an event as JSON in UTF-8, without a line break."""
+    return _ADAPTER.dump_json(event_document(event))
+
+
+_ADAPTER = TypeAdapter(EventDocument)

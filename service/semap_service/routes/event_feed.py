@@ -1,81 +1,103 @@
 """The WebSocket /events/feed: events as they happen.
 
-Messages are sent one after another, the next only when the socket has taken the one before, so that a
-slow client holds nothing but its own cursor. What the client sends is not looked at.
+What the client sends is not looked at.
 """
 
 from __future__ import annotations
 
 import asyncio
-import time
+from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from semap.errors import CallerError, InvalidInput, SemapError
-from semap.store.events import newest_event
-from semap.store.maps import get_map
-from semap_service.document import LARGEST_ID
+from semap_service.access.caller import current_caller
+from semap_service.cloud_event import schema_url
 from semap_service.feed import Feed, Selection
-from semap_service.routes.event_document import event_document
-from semap_service.transaction import Database, transaction
+from semap_service.feed.beginning import begin, cursor_of
+from semap_service.feed.form import Envelope, SocketForm
+from semap_service.feed.message import Failure
+from semap_service.feed.outlet import SocketOutlet
+from semap_service.feed.subscription import Pace, follow
+from semap_service.transaction import Database
 
 router = APIRouter()
 
-PAGE = 200
+PROTOCOL = "semap"
 BAD_REQUEST = 4400
+TOO_SLOW = 4408
 TRY_AGAIN = 1013
 
 
 @router.websocket("/events/feed")
 async def event_feed(socket: WebSocket, database: Database) -> None:
     """Hello, then every selected event after the cursor in order, and heartbeats in between."""
-    await socket.accept()
-    try:
-        selection = Selection(*(socket.query_params.get(name) for name in ("map", "type", "rule")))
-        after = _cursor(socket.query_params.get("after"))
-        cursor, head = await asyncio.to_thread(_begin, database, after, selection)
-        await socket.send_json({"type": "hello", "cursor": cursor, "head": head})
-        await _push(socket, cursor, selection)
-    except CallerError as error:
-        await _refuse(socket, BAD_REQUEST, error)
-    except SemapError as error:
-        await _refuse(socket, TRY_AGAIN, error)
-    except WebSocketDisconnect:
-        return
-
-
-async def _push(socket: WebSocket, cursor: int, selection: Selection) -> None:
+    await accept(socket)
     feed: Feed = socket.app.state.feed
-    heartbeat_s: float = socket.app.state.heartbeat_s
+    with feed.following("websocket"):
+        try:
+            parameters = socket.query_params
+            selection = selection_of(parameters)
+            after = cursor_of(parameters.get("after"), "after")
+            envelope = _envelope(parameters.get("envelope"), socket)
+            beginning = await feed.ask(partial(begin, database, after, selection))
+            with socket.app.state.channels.following(selection, SocketForm(envelope)) as channel:
+                pace: Pace = socket.app.state.pace
+                following = follow(feed, channel, SocketOutlet(socket), beginning, pace)
+                if await until_gone(socket, asyncio.create_task(following)):
+                    await close(socket, TOO_SLOW, "too slow")
+        except SemapError as error:
+            await refuse(socket, error)
+
+
+def selection_of(parameters: Mapping[str, str]) -> Selection:
+    """What is selected by a query, among what the caller may see."""
+    map_name, event_type, rule, text = (
+        parameters.get(name) or None for name in ("map", "type", "rule", "filter")
+    )
+    return Selection(map_name, event_type, rule, text, current_caller().maps)
+
+
+async def accept(socket: WebSocket) -> None:
+    """Accept a WebSocket; a browser that gives its token as a subprotocol is answered with semap's name."""
+    offered = socket.scope.get("subprotocols", ())
+    await socket.accept(PROTOCOL if PROTOCOL in offered else None)
+
+
+async def until_gone(socket: WebSocket, following: asyncio.Task[None]) -> bool:
+    """Whether the task came to its end by itself, before the client had gone; it has ended then.
+
+    raises  what the task raises
+    """
     gone = asyncio.create_task(_gone(socket))
-    sent_s = time.monotonic()
     try:
-        while not gone.done():
-            page = await feed.read(cursor, PAGE, selection)
-            for event in page.events:
-                document = event_document(event).model_dump(mode="json")
-                await socket.send_json({"type": "event", "cursor": event.seq, "event": document})
-                sent_s = time.monotonic()
-            cursor = page.cursor
-            if page.is_full:
-                continue
-            if time.monotonic() - sent_s >= heartbeat_s:
-                await socket.send_json({"type": "heartbeat", "cursor": cursor})
-                sent_s = time.monotonic()
-            await _news_or_gone(feed, cursor, sent_s + heartbeat_s - time.monotonic(), gone)
+        await asyncio.wait({following, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not following.done():
+            return False
+        with suppress(WebSocketDisconnect):
+            following.result()
+        return not gone.done()
     finally:
-        gone.cancel()
-        with suppress(asyncio.CancelledError):
-            await gone
+        for task in (following, gone):
+            task.cancel()
+            with suppress(asyncio.CancelledError, WebSocketDisconnect, SemapError):
+                await task
 
 
-async def _news_or_gone(feed: Feed, cursor: int, timeout_s: float, gone: asyncio.Task[None]) -> None:
-    news = asyncio.create_task(feed.wait(cursor, timeout_s))
-    try:
-        await asyncio.wait({news, gone}, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        news.cancel()
+async def refuse(socket: WebSocket, error: SemapError) -> None:
+    """Tell a client what is wrong, and close."""
+    with suppress(WebSocketDisconnect, RuntimeError):
+        await socket.send_json(Failure(detail=str(error), remedy=error.remedy).model_dump())
+    code = BAD_REQUEST if isinstance(error, CallerError) else TRY_AGAIN
+    await close(socket, code, str(error))
+
+
+async def close(socket: WebSocket, code: int, reason: str) -> None:
+    """Close, and say why."""
+    with suppress(WebSocketDisconnect, RuntimeError):
+        await socket.close(code, reason.encode()[:120].decode(errors="ignore"))
 
 
 async def _gone(socket: WebSocket) -> None:
@@ -84,30 +106,9 @@ async def _gone(socket: WebSocket) -> None:
         pass
 
 
-def _cursor(text: str | None) -> int | None:
-    if text is None:
-        return None
-    if not (text.isascii() and text.isdigit()) or int(text[:20]) > LARGEST_ID:
-        raise InvalidInput(f"{text[:40]!r} is no number of an event", "Give a whole number from 0.", "after")
-    return int(text)
-
-
-def _begin(database: Database, after: int | None, selection: Selection) -> tuple[int, int]:
-    """The cursor to begin at, and the number of the newest event."""
-    with transaction(database) as connection:
-        if selection.map is not None:
-            get_map(connection, selection.map)
-        head = newest_event(connection)
-    if after is not None and after > head:
-        raise InvalidInput(
-            f"{after} is beyond the newest event, {head}",
-            "The database is another one, or was restored: begin again without a cursor.",
-            "after",
-        )
-    return (head if after is None else after), head
-
-
-async def _refuse(socket: WebSocket, code: int, error: SemapError) -> None:
-    with suppress(WebSocketDisconnect, RuntimeError):
-        await socket.send_json({"type": "error", "detail": str(error), "remedy": error.remedy})
-        await socket.close(code, str(error).encode()[:120].decode(errors="ignore"))
+def _envelope(name: str | None, socket: WebSocket) -> Envelope:
+    if name in (None, "", "none"):
+        return Envelope()
+    if name != "cloudevents":
+        raise InvalidInput(f"{name[:40]!r} is no envelope", "Leave it out, or give cloudevents.", "envelope")
+    return Envelope(schema_url(socket))

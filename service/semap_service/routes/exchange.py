@@ -1,4 +1,4 @@
-"""/maps/import and /maps/{name}/export: whole maps as files"""
+"""/maps/import, /maps/{name}/instances/import and /maps/{name}/export: maps and instances as files"""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, File, Query, Response, UploadFile
 from fastapi.responses import FileResponse
-from pydantic import Field
 from sqlalchemy import Connection
 from starlette.background import BackgroundTask
 
@@ -22,13 +21,17 @@ from semap.formats import write_map
 from semap.formats.gltf import write_gltf
 from semap.store.database import see_one_state
 from semap.store.map_export import export_map, placed_instances
+from semap.store.maps import get_map
 from semap_service.archive import pack
 from semap_service.crs import Crs
-from semap_service.document import Document, Name
+from semap_service.document import Name
+from semap_service.file_name import file_name
+from semap_service.instance_file import InstanceImportDocument, write_instances
+from semap_service.jobs.acceptance import Later, or_later
 from semap_service.map_file import bring_in, read_file
-from semap_service.mesh_upload import FindingDocument
 from semap_service.placed_geojson import placed_geojson
 from semap_service.problem import problems
+from semap_service.routes.import_document import ImportDocument, import_document
 from semap_service.transaction import Database, Write, transaction
 
 router = APIRouter(tags=["maps"])
@@ -40,67 +43,77 @@ MEDIA_TYPES: dict[ExportFormat, str] = {
     "geojson": "application/geo+json",
 }
 SUFFIXES: dict[ExportFormat, str] = {"yaml": "zip", "glb": "glb", "geojson": "geojson"}
-LONGEST_SUFFIX = 12
 FILE = (
     "A map: .yaml, or .zip of its folder as an export gives it; or a building: .geojson, .ifc or .gml. "
-    "At most 64 MiB."
+    "At most 64 MiB, or with `Prefer: respond-async` what the service is set to."
+)
+INSTANCES = (
+    ".ndjson: on each line an instance as `POST /maps/{name}/instances` takes it, without a mesh; or "
+    ".geojson: a floor plan. At most 64 MiB, or with `Prefer: respond-async` what the service is set to."
 )
 
 
-class DoorCount(Document):
-    rooms: int = Field(description="How many rooms they join.")
-    doors: int
-
-
-class ImportDocument(Document):
-    """What an import brought into the map, and what it had to change or leave out."""
-
-    map: str = Field(examples=["office"])
-    concepts: dict[str, int] = Field(
-        description="How many instances of each concept.", examples=[{"Room": 6}]
-    )
-    doors: list[DoorCount]
-    findings: list[FindingDocument]
-
-
-@router.post("/maps/import", operation_id="import_map", status_code=201, responses=problems(400, 409, 413))
+@router.post(
+    "/maps/import",
+    operation_id="import_map",
+    status_code=201,
+    response_model=ImportDocument,
+    responses=or_later(problems(400, 409, 413)),
+)
 def import_file(
     write: Write,
+    later: Later,
     file: Annotated[UploadFile, File(description=FILE)],
     response: Response,
     name: Annotated[
         Name | None,
         Query(pattern=r"^[^/\x00]*$", description="Of the map. [default: what the file says, or its name]"),
     ] = None,
-) -> ImportDocument:
+) -> ImportDocument | Response:
     """Bring in a map or a building, all of it or nothing.
 
     A map becomes a new one. A building goes into the map of the name, which is made if there is none.
     """
-    given = PurePath(file.filename or "").name
-    suffix = PurePath(given).suffix
-    if not suffix[1:].isalnum() or len(suffix) > LONGEST_SUFFIX:
-        raise InvalidInput("a file whose name does not say its format", "Name it as map.zip or office.ifc.")
-    with _folder() as folder:
-        path = folder / f"upload{suffix}"
-        with path.open("wb") as copy:
-            shutil.copyfileobj(file.file, copy)
-        scratch = folder / "unpacked"
+    given = file_name(file)
+    if later is not None:
+        return later("map_import", file, write, map_name=name, options={"name": name})
+    with _kept(file, given) as path:
+        scratch = path.parent / "unpacked"
         scratch.mkdir()
         try:
             found = read_file(path, scratch=scratch)
         except (InvalidInput, NotFound) as error:
-            told = str(error).replace(f"{scratch}/", "").replace(str(path), given).replace(f"{folder}/", "")
+            told = (
+                str(error).replace(f"{scratch}/", "").replace(str(path), given).replace(f"{path.parent}/", "")
+            )
             raise InvalidInput(told, error.remedy) from error
     with write.begin() as connection:
         report = bring_in(connection, found, name, PurePath(given).stem)
     response.headers["Location"] = f"/maps/{quote(report.map, safe='')}"
-    return ImportDocument(
-        map=report.map,
-        concepts=dict(report.concepts),
-        doors=[DoorCount(rooms=rooms, doors=doors) for rooms, doors in report.doors.items()],
-        findings=[FindingDocument.model_validate(each) for each in report.findings],
-    )
+    return import_document(report)
+
+
+@router.post(
+    "/maps/{name}/instances/import",
+    operation_id="import_instances",
+    status_code=201,
+    response_model=InstanceImportDocument,
+    responses=or_later(problems(400, 404, 409, 413)),
+)
+def import_instances(
+    write: Write,
+    later: Later,
+    name: str,
+    file: Annotated[UploadFile, File(description=INSTANCES)],
+) -> InstanceImportDocument | Response:
+    """Make many instances on a map that exists, all of them or none."""
+    given = file_name(file)
+    if later is not None:
+        with write.begin() as connection:
+            get_map(connection, name)
+        return later("instance_import", file, write, map_name=name, options={"map": name})
+    with _kept(file, given) as path, write.begin() as connection:
+        return write_instances(connection, name, path, given, lambda share, message: None)
 
 
 @router.get(
@@ -154,6 +167,10 @@ def _zipped(connection: Connection, name: str, headers: dict[str, str]) -> FileR
 
 
 @contextmanager
-def _folder() -> Iterator[Path]:
+def _kept(file: UploadFile, given: str) -> Iterator[Path]:
+    """An upload as a file, for those who read files."""
     with tempfile.TemporaryDirectory(prefix="semap-import-") as folder:
-        yield Path(folder)
+        path = Path(folder) / f"upload{PurePath(given).suffix}"
+        with path.open("wb") as copy:
+            shutil.copyfileobj(file.file, copy)
+        yield path

@@ -180,7 +180,7 @@ def list_poses(
     )
 
 
-@router.post("/frames/{id}/poses", operation_id="set_pose", status_code=201, responses=problems(404))
+@router.post("/frames/{id}/poses", operation_id="set_pose", status_code=201, responses=problems(404, 409))
 def set_pose(write: Write, id: Id, new: StampedPoseDocument) -> StampedPoseDocument:  # noqa: A002
     """Say where a frame stands in its parent from a time on; a pose of the same stamp is replaced."""
     with write.begin() as connection:

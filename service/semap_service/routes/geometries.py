@@ -18,6 +18,7 @@ from semap.model.source_geometry import GeometryType, SourceGeometry
 from semap.store import blueprints
 from semap_service.document import BandDocument, Document, Id, PoseDocument, Request
 from semap_service.etag import Representation, TaggedRoute, edits, reads
+from semap_service.jobs.acceptance import Later, or_later
 from semap_service.mesh_answer import MEDIA_TYPES, Format, format_of, mesh_bytes, mesh_response
 from semap_service.mesh_upload import FindingDocument, Unit, UpAxis, findings, read_upload
 from semap_service.shape_document import ShapeDocument, fits_json, shape_document, shape_of
@@ -103,27 +104,47 @@ def get_geometry(
 def put_geometry(edit: Edit, id: Id, geometry: GeometryName, new: NewGeometry) -> GeometryDocument:  # noqa: A002
     """Add a geometry, or replace the one of this name. Every instance of the description follows."""
     source = new.source(geometry)
-    with edit.begin(_forms(id, geometry)) as connection:
+    with edit.begin(geometry_forms(id, geometry)) as connection:
         blueprints.put_geometry(connection, id, source)
         return _document(_find(connection, id, geometry))
 
 
-@router.put(f"{WHERE}/mesh", operation_id="put_geometry_mesh", responses=edits(400, 404, 413))
+@router.put(
+    f"{WHERE}/mesh",
+    operation_id="put_geometry_mesh",
+    response_model=UploadedGeometry,
+    responses=or_later(edits(400, 404, 413)),
+)
 def put_geometry_mesh(
     edit: Edit,
+    later: Later,
     id: Id,  # noqa: A002
     geometry: GeometryName,
     mesh: Annotated[
-        UploadFile, File(description="A mesh file, as the ending of its name says; at most 64 MiB.")
+        UploadFile,
+        File(
+            description="A mesh file, as the ending of its name says; at most 64 MiB, or with "
+            "`Prefer: respond-async` 256 MiB."
+        ),
     ],
     unit: Unit = None,
     up: UpAxis = None,
     pose: Annotated[Json[PoseDocument] | None, Form(description="description_T_geometry, as JSON.")] = None,
-) -> UploadedGeometry:
+) -> UploadedGeometry | Response:
     """Upload a mesh as a geometry of this name. Every instance of the description follows."""
+    placed = pose or PoseDocument()
+    if later is not None:
+        options = {
+            "description_id": id,
+            "geometry": geometry,
+            "pose": placed.model_dump(),
+            "unit": unit,
+            "up": up,
+        }
+        return later("mesh_upload", mesh, edit.writing, if_match=edit.if_match, options=options)
     read = read_upload(mesh.file.read(), PurePath(mesh.filename or "").suffix, unit, up)
-    source = SourceGeometry(geometry, "TRIANGLEMESH3D", read.mesh, (pose or PoseDocument()).pose())
-    with edit.begin(_forms(id, geometry)) as connection:
+    source = SourceGeometry(geometry, "TRIANGLEMESH3D", read.mesh, placed.pose())
+    with edit.begin(geometry_forms(id, geometry)) as connection:
         blueprints.put_geometry(connection, id, source)
     return UploadedGeometry(name=geometry, faces=len(read.mesh.faces), findings=findings(read))
 
@@ -131,7 +152,7 @@ def put_geometry_mesh(
 @router.delete(WHERE, operation_id="delete_geometry", status_code=204, responses=edits(404))
 def delete_geometry(edit: Edit, id: Id, geometry: GeometryName) -> None:  # noqa: A002
     """Take a geometry out of a description. Every instance of it follows."""
-    with edit.begin(_forms(id, geometry)) as connection:
+    with edit.begin(geometry_forms(id, geometry)) as connection:
         blueprints.remove_geometry(connection, id, geometry)
 
 
@@ -142,7 +163,7 @@ def _find(connection: Connection, description_id: int, name: str) -> SourceGeome
     raise NotFound("geometry", name, f"The description {description_id} says what geometries it has.")
 
 
-def _forms(
+def geometry_forms(
     description_id: int, name: str
 ) -> Callable[[Connection], tuple[Callable[[], Representation], ...]]:
     """The geometry in each form in which a reader may have got it."""

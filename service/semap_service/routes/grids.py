@@ -51,14 +51,24 @@ class GridDocument(Document):
 
 class GridList(Document):
     grids: list[GridDocument] = Field(description="By name.")
+    next: str | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
 @router.get("/maps/{name}/grids", operation_id="list_grids", responses=reads(404))
-def list_grids(database: Database, name: str) -> GridList:
+def list_grids(
+    database: Database,
+    name: str,
+    limit: Annotated[int, Query(ge=1, le=100, description="At most so many.")] = 100,
+    after: Annotated[
+        str, Query(max_length=200, pattern=r"^[^\x00]*$", description="Go on after this name.")
+    ] = "",
+) -> GridList:
     """The occupancy grids of a map."""
     with transaction(database) as connection:
-        found = grids.read_grids(connection, name)
-    return GridList(grids=[_document(each) for each in found])
+        found = grids.read_grids(connection, name, after=after, limit=limit)
+    return GridList(
+        grids=[_document(each) for each in found], next=found[-1].name if len(found) == limit else None
+    )
 
 
 @router.get(

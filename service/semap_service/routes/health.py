@@ -1,29 +1,25 @@
-"""GET /health"""
+"""GET /health, /ready"""
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 from pydantic import Field
-from sqlalchemy import text
 from starlette.requests import Request
 
 from semap import __version__
-from semap.store.database import translated
 from semap.store.schema import head_version
+from semap_service.access.caller import SYSTEM, acting_as
 from semap_service.document import Document
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.operations.readiness import lacks, read_state
+from semap_service.problem import RETRY_S, Place, problem_response, problems
+from semap_service.transaction import transaction
 
 router = APIRouter(tags=["service"])
 
-STATE = text("""
-    select (select version_num from semap.schema_version),
-           s.active, pg_wal_lsn_diff(pg_current_wal_lsn(), s.confirmed_flush_lsn)
-    from (select semap.rule_slot() as name) wanted
-    left join pg_replication_slots s on s.slot_name = wanted.name
-""")
+STATEMENT_S = 2.0
 
 
 class WorkerHealth(Document):
@@ -47,12 +43,18 @@ class Health(Document):
     worker: WorkerHealth | None = Field(description="null where the worker's replication slot is missing.")
 
 
+class Ready(Document):
+    """The service does its work."""
+
+    status: Literal["ready"]
+
+
 @router.get("/health", operation_id="get_health", responses=problems())
-def get_health(request: Request, database: Database) -> Health:
+def get_health(request: Request) -> Health:
     """Whether the database answers, and how far the rule worker is."""
-    with transaction(database) as connection, translated():
-        schema_version, running, lag_bytes = connection.execute(STATE).one()
-    worker = None if running is None else WorkerHealth(running=running, lag_bytes=max(0, int(lag_bytes)))
+    with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
+        schema_version, running, lag_bytes = read_state(connection)
+    worker = None if running is None else WorkerHealth(running=running, lag_bytes=lag_bytes)
     connected: bool = request.app.state.feed.connected
     fine = schema_version == head_version() and connected and worker is not None and worker.running
     return Health(
@@ -62,4 +64,25 @@ def get_health(request: Request, database: Database) -> Health:
         schema_expected=head_version(),
         feed_connected=connected,
         worker=worker,
+    )
+
+
+@router.get("/ready", operation_id="get_ready", response_model=Ready, responses=problems())
+def get_ready(request: Request) -> Ready | Response:
+    """Whether the service does all of its work; else 503, with what is missing in `errors`.
+
+    The database answers, its schema is this semap's, new events are pushed, and a rule worker makes them.
+    """
+    with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
+        missing = lacks(connection, request.app.state.feed.connected)
+    if not missing:
+        return Ready(status="ready")
+    return problem_response(
+        request.url.path,
+        HTTPStatus.SERVICE_UNAVAILABLE,
+        "; ".join(f"The {what} {why}" for what, why in missing) + ".",
+        kind="not-ready",
+        remedy="Run semap doctor where the service runs.",
+        errors=[Place(where=what, message=why) for what, why in missing],
+        headers={"Retry-After": RETRY_S},
     )

@@ -17,6 +17,7 @@ from semap.store.maps import get_map
 from semap_service.crs import Crs, footprint_in
 from semap_service.document import After, Id, InStamp, Limit, MapFilter, Name, Request, next_after
 from semap_service.etag import TaggedRoute, edits, reads
+from semap_service.jobs.acceptance import Later, or_later
 from semap_service.mesh_upload import Unit, UpAxis, read_upload
 from semap_service.problem import problems
 from semap_service.routes.instance_document import (
@@ -149,18 +150,27 @@ def change(edit: Edit, id: Id, changes: InstanceChanges) -> InstanceDocument:  #
         return _read(connection, id)
 
 
-@router.put("/instances/{id}/mesh", operation_id="put_mesh", responses=edits(400, 404, 409, 413))
+@router.put(
+    "/instances/{id}/mesh",
+    operation_id="put_mesh",
+    response_model=InstanceDocument,
+    responses=or_later(edits(400, 404, 409, 413)),
+)
 def put_mesh(
     edit: Edit,
+    later: Later,
     id: Id,  # noqa: A002
     mesh: Annotated[UploadFile, File(description=MESH)],
     unit: Unit = None,
     up: UpAxis = None,
-) -> InstanceDocument:
+) -> InstanceDocument | Response:
     """Give an instance another mesh; the mesh's outline and heights replace those that were there.
 
-    If-Match names the instance.
+    If-Match names the instance. With `Prefer: respond-async` the mesh may have 256 MiB.
     """
+    if later is not None:
+        options = {"instance_id": id, "unit": unit, "up": up}
+        return later("mesh_upload", mesh, edit.writing, if_match=edit.if_match, options=options)
     body = _uploaded(mesh, unit, up)
     with edit.begin(lambda connection: _read(connection, id)) as connection:
         edit_instance(connection, id, Changes(body=body))

@@ -12,7 +12,7 @@ from semap.store.operators import run_operator
 from semap.store.selection import Selection
 from semap_service.document import LARGEST_ID, Document, Name, Request
 from semap_service.problem import problems
-from semap_service.transaction import Write
+from semap_service.transaction import Write, on_whole_map
 
 router = APIRouter(tags=["operators"])
 
@@ -126,6 +126,7 @@ def run(write: Write, name: str, operator: str, question: Question) -> AnswerDoc
             question.parameters,
             limit=question.limit,
             after=question.after,
+            when_chosen=on_whole_map,
         )
     return AnswerDocument(rows=list(answer.rows), next=answer.after)
 

@@ -14,13 +14,14 @@ from sqlalchemy import Connection
 from semap.errors import TooLarge
 from semap.model.event import Event
 from semap.rules.language.reading import parse_declaration
+from semap.store.maps import get_map
 from semap.store.rules import get_rule
 from semap.worker import past, why
 from semap_service.document import Document, InStamp, Name, Request, SmallId, Stamp
 from semap_service.problem import problems
 from semap_service.routes.event_document import EventInstance, EventTrack, EvidenceDocument
 from semap_service.routes.rules import Declaration
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, on_whole_map, transaction
 
 router = APIRouter(tags=["rules"])
 
@@ -79,6 +80,8 @@ def dry_run_rule(database: Database, wanted: DryRun) -> DryRunAnswer:
     """
     declared = parse_declaration({**wanted.declaration, "name": wanted.name})
     with transaction(database) as connection:
+        get_map(connection, wanted.map)
+        on_whole_map(connection)
         events = past.dry_run(
             _psycopg(connection), wanted.map, declared, wanted.start, wanted.end, MOST_ROWS, _patience()
         )
@@ -99,6 +102,7 @@ def explain_rule(
     named = dict(each.partition("=")[::2] for each in key or ())
     with transaction(database) as connection:
         rule = get_rule(connection, id)
+        on_whole_map(connection)
         declared = parse_declaration(rule.declaration, rule.name)
         found = why.explain(_psycopg(connection), rule.map, declared, at, named, most_rows=MOST_ROWS)
     return ExplanationDocument(found=found.match is not None, lines=found.as_text().splitlines())

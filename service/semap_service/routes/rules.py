@@ -15,6 +15,7 @@ from semap.store import rules
 from semap.store.maps import get_map
 from semap_service import rule_editing
 from semap_service.document import (
+    LARGEST_SMALL_ID,
     After,
     Document,
     InStamp,
@@ -96,7 +97,8 @@ class RuleVersionDocument(Document):
 
 
 class RuleVersionList(Document):
-    versions: list[RuleVersionDocument] = Field(description="From the first on.")
+    versions: list[RuleVersionDocument] = Field(description="In their order.")
+    next: Next
 
 
 class NewRule(Request):
@@ -173,11 +175,19 @@ def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument: 
 
 
 @router.get("/rules/{id}/versions", operation_id="list_rule_versions", responses=reads(404))
-def list_rule_versions(database: Database, id: SmallId) -> RuleVersionList:  # noqa: A002
+def list_rule_versions(
+    database: Database,
+    id: SmallId,  # noqa: A002
+    limit: Limit = 100,
+    after: After = 0,
+) -> RuleVersionList:
     """What a rule declared from its first version on."""
     with transaction(database) as connection:
-        found = rules.list_versions(connection, id)
-    return RuleVersionList(versions=[RuleVersionDocument.model_validate(each) for each in found])
+        found = rules.list_versions(connection, id, after=min(after, LARGEST_SMALL_ID), limit=limit)
+    return RuleVersionList(
+        versions=[RuleVersionDocument.model_validate(each) for each in found],
+        next=next_after([each.version for each in found], limit),
+    )
 
 
 @router.delete("/rules/{id}", operation_id="delete_rule", status_code=204, responses=edits(404, 409))

@@ -8,12 +8,14 @@ from uuid import UUID
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from semap.store import tracks
+from semap.store import track_history, tracks
 from semap.store.maps import get_map
+from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
 from semap_service.document import (
     After,
     Document,
     Id,
+    InStamp,
     Limit,
     MapFilter,
     Name,
@@ -27,6 +29,8 @@ from semap_service.problem import problems
 from semap_service.transaction import Database, transaction
 
 router = APIRouter(tags=["tracks"])
+
+BEFORE_ALL = EARLIEST - MICROSECOND
 
 
 class TrackStateDocument(Document):
@@ -57,6 +61,30 @@ class TrackDocument(Document):
     live: bool = Field(description="False until it is seen, and after its end.")
     ended_at: Stamp | None
     state: TrackStateDocument | None = Field(description="null until it is seen.")
+
+
+class PastStateDocument(Document):
+    """Where a track was seen, in the map frame."""
+
+    stamp: Stamp
+    x_m: float
+    y_m: float
+    z_m: float | None
+    std_m: float | None = Field(description="Standard deviation along each axis [m]; null: unknown.")
+    heading_rad: float | None
+    speed_mps: float | None
+    length_m: float | None
+    width_m: float | None
+    is_last: bool = Field(description="It was gone after that.")
+
+
+class TrackHistory(Document):
+    """The states of a track."""
+
+    track_id: int
+    name: str
+    states: list[PastStateDocument] = Field(description="In the order of their stamps.")
+    next: Stamp | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
 class TrackList(Document):
@@ -90,6 +118,33 @@ def get_track(database: Database, id: Id) -> TrackDocument:  # noqa: A002
     """A track and where it is now."""
     with transaction(database) as connection:
         return _document(tracks.get_track(connection, id))
+
+
+@router.get("/tracks/{id}/history", operation_id="get_track_history", responses=problems(404))
+def get_track_history(
+    database: Database,
+    id: Id,  # noqa: A002
+    start: Annotated[
+        InStamp, Query(alias="from", description="Not before this time (RFC 3339). [default: the beginning]")
+    ] = EARLIEST,
+    end: Annotated[
+        InStamp, Query(alias="to", description="Not after this time (RFC 3339). [default: now]")
+    ] = LATEST,
+    limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many.")] = 1000,
+    after: Annotated[
+        InStamp | None, Query(description="Go on after this time: `next` of the page before.")
+    ] = None,
+) -> TrackHistory:
+    """Where this track was, state by state."""
+    with transaction(database) as connection:
+        track = tracks.get_track(connection, id)
+        found = track_history.history(connection, id, start, end, after=after or BEFORE_ALL, limit=limit)
+    return TrackHistory(
+        track_id=track.track_id,
+        name=track.name,
+        states=[PastStateDocument.model_validate(each) for each in found],
+        next=found[-1].stamp if len(found) == limit else None,
+    )
 
 
 def _document(track: tracks.Track) -> TrackDocument:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 from semap.errors import InvalidInput
 from semap.model.event_log import Lane, Mark, Stay
+from semap.picture.figure import FAINT, INK, OPEN, color_of, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMATS = (".svg", ".png", ".pdf")
 MOST_LANES = 60
 MOST_DRAWN = 5_000
 """Bars and events; more cannot be told apart, and take minutes."""
@@ -29,9 +29,6 @@ BAR, ROW, GAP, LABEL = 0.5, 0.58, 0.55, 0.62
 WIDTH_PX = 1000
 TO_THE_LEFT = 0.15
 """In this last share of a picture, what is written of an event stands before it."""
-
-INK, FAINT, OPEN = "#1f2328", "#d0d7de", "#bf8700"
-TRACKS = ("#0969da", "#1a7f37", "#8250df", "#cf222e", "#0a7ea4", "#953800", "#bf3989", "#57606a")
 
 
 @dataclass(frozen=True)
@@ -54,8 +51,6 @@ def draw_timeline(lanes: Sequence[Lane], start: datetime, end: datetime, title: 
 
     raises InvalidInput for another format, without matplotlib, or for more than fits a picture
     """
-    if path.suffix.lower() not in FORMATS:
-        raise InvalidInput("a picture is .svg, .png or .pdf", "Name the file so.", path.name)
     if len(lanes) > MOST_LANES:
         raise InvalidInput(
             f"{len(lanes)} rooms and doors; at most {MOST_LANES} fit a picture",
@@ -67,17 +62,11 @@ def draw_timeline(lanes: Sequence[Lane], start: datetime, end: datetime, title: 
             f"{drawn} bars and events; at most {MOST_DRAWN} fit a picture",
             "Ask for a shorter time, or for the events of one rule.",
         )
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-        from matplotlib.figure import Figure  # noqa: PLC0415
-    except ImportError as error:
-        raise InvalidInput("drawing needs matplotlib", "pip install 'semap[plot]'", path.name) from error
     first, last = _days(start), _days(end)
     day_px = WIDTH_PX / max(last - first, 1e-9)
     packed = [_pack(lane, last, day_px) for lane in lanes]
     height = sum(each.height for each in packed)
-    figure = Figure(figsize=(13, 1.3 + 0.3 * height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13, 1.3 + 0.3 * height, path)
     axes = figure.add_subplot()
     top = height
     ticks = []
@@ -86,7 +75,7 @@ def draw_timeline(lanes: Sequence[Lane], start: datetime, end: datetime, title: 
         top -= each.height
     _draw_frame(axes, ticks, packed, first, last, height)
     axes.set_title(title, loc="left", fontsize=12, color=INK, pad=10)
-    figure.savefig(path, dpi=120, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
+    save(figure, path)
 
 
 def _pack(lane: Lane, last: float, day_px: float) -> _Packed:
@@ -125,7 +114,7 @@ def _draw_lane(axes: Axes, packed: _Packed, top: float, first: float, last: floa
         left, right = max(_days(stay.start), first), min(_days(stay.end) if stay.end else last, last)
         if right < left:
             continue
-        color = OPEN if packed.lane.is_door else _color(stay.who)
+        color = OPEN if packed.lane.is_door else color_of(stay.who)
         y = base + row * ROW + BAR / 2
         axes.barh(y, right - left, BAR, left=left, color=color, alpha=0.3, edgecolor=color, linewidth=1)
         axes.text(left, y, f" {stay.who}", va="center", fontsize=7.5, color=INK, clip_on=True)
@@ -172,8 +161,3 @@ def _draw_frame(
 def _days(stamp: datetime) -> float:
     """Days since 1970, as matplotlib counts time."""
     return stamp.timestamp() / 86_400
-
-
-def _color(who: str) -> str:
-    """The same colour for the same name in every picture."""
-    return TRACKS[sum(who.encode()) % len(TRACKS)]

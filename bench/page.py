@@ -1,0 +1,164 @@
+"""How the page runs in a browser: its weight, its first picture, its frames while people walk among meshes.
+
+Chromium draws by software (SwiftShader), so that the figures are those of a machine without a graphics card.
+Frame times are the intervals between calls of requestAnimationFrame while fifty tracks move at ten states a
+second each; the picture is drawn anew in each.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import PurePath
+from threading import Event as Signal
+from threading import Thread
+
+import httpx
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from playwright.sync_api import Page, sync_playwright
+from semap_service.port import free_port
+from semap_service.supervisor import Supervisor
+
+from bench.crowd import Floor, build_map, walk
+from semap.store.database import connect
+
+TRACKS = 50
+TRIANGLES = 50_000
+BODIES = 50
+STATES_PER_S = 10
+LENGTH_S = 15.0
+PATIENCE_S = 60.0
+NAME = "page"
+FLOOR = Floor(8, 6)
+ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+FRAMES = """(length_ms) => new Promise((resolve) => {
+    const times = [];
+    let last = performance.now();
+    const begin = last;
+    const next = (now) => {
+        times.push(now - last);
+        last = now;
+        if (now - begin < length_ms) requestAnimationFrame(next);
+        else resolve(times.slice(1));
+    };
+    requestAnimationFrame(next);
+})"""
+FIRST_PICTURE = """() => new Promise((resolve) => {
+    const told = (found) => resolve(found.getEntries().at(-1).startTime);
+    new PerformanceObserver(told).observe({type: "largest-contentful-paint", buffered: true});
+})"""
+
+
+def measure(dsn: str) -> list[dict[str, object]]:
+    """Frames [ms] of the plan and of 3D, with what the page weighs and how soon it showed something."""
+    with connect(dsn) as connection:
+        _, track_ids = build_map(connection, NAME, FLOOR.rooms(), TRACKS)
+        connection.execute("select semap.ensure_partitions(array[current_date, current_date + 1])")
+    port = free_port()
+    url = f"http://127.0.0.1:{port}"
+    with Supervisor(dsn) as supervisor:
+        supervisor.start("serve", "--port", str(port), "--without-tokens")
+        _await_service(url)
+        _furnish(url)
+        done = Signal()
+        walking = Thread(target=_move, args=(dsn, track_ids, done))
+        walking.start()
+        try:
+            return [_in_browser(url, view) for view in ("plan", "space")]
+        finally:
+            done.set()
+            walking.join()
+
+
+def _in_browser(url: str, view: str) -> dict[str, object]:
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        sizes = _sizes(page)
+        page.goto(f"{url}/#map={NAME}&view={view}")
+        page.wait_for_selector("#status[data-state=live]", timeout=PATIENCE_S * 1000)
+        page.wait_for_load_state("networkidle")
+        first_picture_ms = page.evaluate(FIRST_PICTURE)
+        frames_ms = np.array(page.evaluate(FRAMES, LENGTH_S * 1000))
+        browser.close()
+    p50, p95 = np.percentile(frames_ms, (50, 95))
+    return {
+        "view": view,
+        "page_kb": round(sum(sizes) / 1000),
+        "first_picture_ms": round(first_picture_ms),
+        "frames_per_s": round(len(frames_ms) / LENGTH_S, 1),
+        "p50_ms": round(float(p50), 1),
+        "p95_ms": round(float(p95), 1),
+    }
+
+
+def _sizes(page: Page) -> list[int]:
+    """What comes over the wire for the page's own files [bytes], as it comes."""
+    session = page.context.new_cdp_session(page)
+    session.send("Network.enable")
+    own: set[str] = set()
+    sizes: list[int] = []
+
+    def received(event: dict) -> None:
+        path = PurePath(httpx.URL(event["response"]["url"]).path)
+        if path == PurePath("/") or PurePath("/page") in path.parents:
+            own.add(event["requestId"])
+
+    def finished(event: dict) -> None:
+        if event["requestId"] in own:
+            sizes.append(event["encodedDataLength"])
+
+    session.on("Network.responseReceived", received)
+    session.on("Network.loadingFinished", finished)
+    return sizes
+
+
+def _furnish(url: str) -> None:
+    """Things with meshes of so many triangles in all, on the floor."""
+    width_m, depth_m = FLOOR.size_m()
+    body = trimesh.creation.torus(0.5, 0.2, *_sections(TRIANGLES // BODIES))
+    data = body.export(file_type="ply")
+    rng = np.random.default_rng(1)
+    with httpx.Client(base_url=url, timeout=PATIENCE_S) as client:
+        for number in range(BODIES):
+            x_m, y_m = rng.uniform(0, 1, 2) * (width_m, depth_m)
+            pose = {"x_m": x_m, "y_m": y_m}
+            document = json.dumps({"name": f"thing {number}", "concept": "Furniture", "pose": pose})
+            files = {"document": (None, document), "mesh": ("thing.ply", data)}
+            client.post(f"/maps/{NAME}/instances", files=files).raise_for_status()
+
+
+def _sections(triangles: int) -> tuple[int, int]:
+    """How finely a torus is cut so that it has about so many triangles."""
+    around = round((triangles / 2) ** 0.5 * 1.4)
+    return around, round(triangles / 2 / around)
+
+
+def _move(dsn: str, track_ids: NDArray[np.int64], done: Signal) -> None:
+    places = walk(FLOOR, TRACKS, 2000, pause_s=1.0)
+    statement = (
+        "insert into semap.track_state (track_id, stamp, x_m, y_m)"
+        " select id, clock_timestamp(), x, y"
+        " from unnest(%s::bigint[], %s::float8[], %s::float8[]) v (id, x, y)"
+    )
+    with connect(dsn) as connection:
+        for frame in places:
+            begun_s = time.monotonic()
+            connection.execute(statement, [track_ids.tolist(), frame[:, 0].tolist(), frame[:, 1].tolist()])
+            if done.wait(max(0.0, 1 / STATES_PER_S - (time.monotonic() - begun_s))):
+                return
+
+
+def _await_service(url: str) -> None:
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            httpx.get(f"{url}/health", timeout=5).raise_for_status()
+            return
+        except httpx.HTTPError:
+            assert time.monotonic() < until_s, "the service does not answer"
+            time.sleep(0.1)

@@ -1,0 +1,1 @@
+"""Features for geographic information systems: a map as collections that are filtered, sorted and paged."""

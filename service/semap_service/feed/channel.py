@@ -1,0 +1,86 @@
+"""What all who want the same are sent: chosen, and written, once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from semap_service.feed.form import SocketForm, StreamForm
+from semap_service.feed.ring import Feed, Page
+from semap_service.feed.selection import Selection
+
+BATCH_EVENTS = 500
+BATCH_BYTES = 128 * 1024
+BATCHES_KEPT = 2
+
+Form: TypeAlias = SocketForm | StreamForm
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """All that was selected after one cursor and up to another, written; None where there was nothing."""
+
+    written: bytes | None
+    cursor: int
+    count: int
+    is_full: bool
+
+
+class Channel:
+    """The batches of one selection in one form; the last ones are kept for others who are at that place."""
+
+    def __init__(self, feed: Feed, selection: Selection, form: Form) -> None:
+        self.form = form
+        self.selection = selection
+        self._feed = feed
+        self._kept: dict[int, Batch] = {}
+
+    async def after(self, cursor: int) -> Batch:
+        """The batch after a cursor.
+
+        raises  ServerUnavailable if the database is needed and does not answer
+        """
+        batch = self._kept.get(cursor)
+        if batch is not None:
+            return batch
+        page = self._feed.known(cursor, BATCH_EVENTS, self.selection)
+        if page is None:
+            return await self.stored_after(cursor)
+        batch = self._written(page.of_at_most(BATCH_BYTES))
+        if batch.cursor > cursor:
+            self._kept[cursor] = batch
+            if len(self._kept) > BATCHES_KEPT:
+                del self._kept[next(iter(self._kept))]
+        return batch
+
+    async def stored_after(self, cursor: int) -> Batch:
+        """The same from the database; not kept, since those who catch up are each at a place of their own."""
+        page = await self._feed.read_past(cursor, BATCH_EVENTS, self.selection)
+        return self._written(page.of_at_most(BATCH_BYTES))
+
+    def _written(self, page: Page) -> Batch:
+        written = self.form.events(page.entries, page.cursor) if page.entries else None
+        return Batch(written, page.cursor, len(page.entries), page.is_full)
+
+
+@dataclass
+class Channels:
+    """Those that somebody follows."""
+
+    feed: Feed
+    _open: dict[tuple[Selection, Form, int], tuple[Channel, int]] = field(default_factory=dict)
+
+    @contextmanager
+    def following(self, selection: Selection, form: Form) -> Iterator[Channel]:
+        """The channel of a selection, for as long as it is followed."""
+        key = (selection, form, self.feed.beginnings)
+        channel, followers = self._open.get(key) or (Channel(self.feed, selection, form), 0)
+        self._open[key] = (channel, followers + 1)
+        try:
+            yield channel
+        finally:
+            channel, followers = self._open.pop(key)
+            if followers > 1:
+                self._open[key] = (channel, followers - 1)

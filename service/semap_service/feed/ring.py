@@ -1,0 +1,327 @@
+"""New events for everyone who waits for them, read and written as JSON once for the whole process.
+
+One connection listens on the channel `semap_event`; a notification only wakes. What is new is then read
+by number into a ring of bounded size. Readers have a cursor, the number of the last event that they
+know, and take what is after it at their own pace: from the ring, or from the database where the ring
+has moved on. So a slow reader costs nothing and misses nothing.
+
+A notification may get lost with its connection, so new events are looked for every second as well, and
+after each reconnection.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from contextvars import copy_context
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from typing import TypeVar
+
+import psycopg
+from sqlalchemy import Engine
+
+from semap.errors import SemapError
+from semap.store.database import connect, translated
+from semap.store.events import StoredEvent, list_events, newest_event, read_stretch
+from semap_service.feed.selection import Selection
+from semap_service.routes.event_document import event_json
+from semap_service.transaction import transaction
+
+log = logging.getLogger(__name__)
+
+RING_SIZE = 10_000
+RING_BYTES = 16 * 1024 * 1024
+"""Of the events' JSON; what Python needs beside it is a few times that of small events."""
+BATCH = 1000
+POLL_S = 1.0
+TICK_S = 1.0
+FIRST_RETRY_S = 0.05
+LAST_RETRY_S = 2.0
+STOP_S = 2.0
+READERS = 4
+"""Readers of the past at one time, so that a thousand who come back at once leave connections to others."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An event, and its document as JSON in UTF-8."""
+
+    event: StoredEvent
+    document: bytes
+
+    @classmethod
+    def of(cls, event: StoredEvent) -> Entry:
+        return cls(event, event_json(event))
+
+
+@dataclass(frozen=True)
+class Page:
+    """What was selected, in its order, and the cursor up to which nothing else was.
+
+    is_full  there may be more beyond the cursor already
+    """
+
+    entries: tuple[Entry, ...]
+    cursor: int
+    is_full: bool
+
+    @property
+    def events(self) -> tuple[StoredEvent, ...]:
+        return tuple(entry.event for entry in self.entries)
+
+    def of_at_most(self, most_bytes: int) -> Page:
+        """Its beginning, with no more than so many bytes of documents, but for the first one."""
+        size = 0
+        for count, entry in enumerate(self.entries):
+            size += len(entry.document)
+            if count and size > most_bytes:
+                kept = self.entries[:count]
+                return Page(kept, kept[-1].event.seq, is_full=True)
+        return self
+
+
+class Feed:
+    """The ring holds every event with a number in (floor, head].
+
+    clients   who follows at this moment, by kind
+    sent      events that were given to clients
+    too_slow  clients that were told so and closed
+    on_taken  is told, for each read, how old its newest event was [s]
+
+    tick_s      those who wait are woken so often even without news
+    beginnings  counts the databases that were followed: after a restored copy, numbers mean other events
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        dsn: str,
+        *,
+        tick_s: float = TICK_S,
+        ring_size: int = RING_SIZE,
+        ring_bytes: int = RING_BYTES,
+    ) -> None:
+        self.connected = False
+        self.beginnings = 0
+        self.head = 0
+        self.clients: Counter[str] = Counter()
+        self.sent = 0
+        self.too_slow = 0
+        self.on_taken: Callable[[float], None] | None = None
+        self._engine = engine
+        self._dsn = dsn
+        self._tick_s = tick_s
+        self._ring_size = ring_size
+        self._ring_bytes = ring_bytes
+        self._ring: list[Entry] = []
+        self._bytes = 0
+        self._floor: int | None = None
+        self._news = asyncio.Event()
+        self._listener: psycopg.Connection | None = None
+        self._own_thread = ThreadPoolExecutor(1, "feed")
+        self._readers = ThreadPoolExecutor(READERS, "feed reader")
+
+    async def run(self) -> None:
+        """Follow the database until cancelled; a lost server is awaited."""
+        wait_s = FIRST_RETRY_S
+        ticking = asyncio.create_task(self._tick())
+        try:
+            while True:
+                try:
+                    await self._follow()
+                except SemapError as error:
+                    if self.connected or wait_s == FIRST_RETRY_S:
+                        log.warning("The feed of events waits for the database: %s", error)
+                except Exception:
+                    log.exception("The feed of events failed; it begins again")
+                wait_s = FIRST_RETRY_S if self.connected else wait_s
+                self.connected = False
+                await asyncio.sleep(wait_s)
+                wait_s = min(wait_s * 2, LAST_RETRY_S)
+        finally:
+            ticking.cancel()
+            # A thread that still reads would give its connection back to an engine that is disposed.
+            with suppress(TimeoutError):
+                async with asyncio.timeout(STOP_S):
+                    for threads in (self._own_thread, self._readers):
+                        await asyncio.to_thread(threads.shutdown, cancel_futures=True)
+            self._hang_up()
+
+    @contextmanager
+    def following(self, kind: str) -> Iterator[None]:
+        """Count a client as long as it follows."""
+        self.clients[kind] += 1
+        try:
+            yield
+        finally:
+            self.clients[kind] -= 1
+
+    async def read(self, after: int, limit: int, selection: Selection) -> Page:
+        """At most `limit` selected events after a cursor.
+
+        raises  ServerUnavailable if the database is needed and does not answer
+        """
+        return self.known(after, limit, selection) or await self.read_past(after, limit, selection)
+
+    def known(self, after: int, limit: int, selection: Selection) -> Page | None:
+        """The same from the ring; None where it has moved on."""
+        if self._floor is None or after < self._floor:
+            return None
+        entries: list[Entry] = []
+        for entry in self._ring[bisect_right(self._ring, after, key=_number) :]:
+            if selection.takes(entry.event):
+                entries.append(entry)
+                if len(entries) == limit:
+                    return Page(tuple(entries), entry.event.seq, is_full=True)
+        return Page(tuple(entries), max(after, self.head), is_full=False)
+
+    async def read_past(self, after: int, limit: int, selection: Selection) -> Page:
+        """The same from the database, with what has become of the events since."""
+        return await self.ask(partial(self.read_stored, after, limit, selection))
+
+    def read_stored(self, after: int, limit: int, selection: Selection) -> Page:
+        """The same, for a thread."""
+        with transaction(self._engine) as connection:
+            newest = newest_event(connection)
+            stretch = read_stretch(
+                connection,
+                after=after,
+                limit=limit,
+                map_name=selection.map,
+                event_type=selection.type,
+                rule_name=selection.rule,
+            )
+        entries = tuple(Entry.of(event) for event in stretch.events if selection.takes(event))
+        last = stretch.last if stretch.is_full else max(stretch.last, newest)
+        return Page(entries, last, stretch.is_full)
+
+    async def ask(self, question: Callable[[], T]) -> T:
+        """Let one of few threads, in the caller's context, ask the database."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._readers, partial(copy_context().run, question))
+
+    async def wait(self, cursor: int, timeout_s: float) -> bool:
+        """Whether there are events after a cursor, now or before the time is over."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                while self.head <= cursor:
+                    await self._news.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    async def news(self) -> None:
+        """Return at the next event, or at the next tick."""
+        await self._news.wait()
+
+    def _wake(self) -> None:
+        news, self._news = self._news, asyncio.Event()
+        news.set()
+
+    async def _tick(self) -> None:
+        while True:
+            await asyncio.sleep(self._tick_s)
+            self._wake()
+
+    async def _follow(self) -> None:
+        listener = await self._ask_alone(self._listen)
+        try:
+            await self._align()
+            self.connected = True
+            while True:
+                await self._take_new()
+                await _notified(listener)
+        finally:
+            self._hang_up()
+
+    async def _align(self) -> None:
+        """Begin at the newest event, or go on where the ring ends if the database is still the same."""
+        newest = await self._ask_alone(self._newest)
+        if self._floor is None or newest < self.head:
+            self._ring.clear()
+            self._bytes = 0
+            self._floor = self.head = newest
+            self.beginnings += 1
+            self._wake()
+
+    async def _take_new(self) -> None:
+        while True:
+            entries = await self._ask_alone(self._new_entries)
+            if entries:
+                self._append(entries)
+                if self.on_taken is not None:
+                    age = datetime.now(UTC) - entries[-1].event.created_at
+                    self.on_taken(max(age.total_seconds(), 0.0))
+            if len(entries) < BATCH:
+                return
+
+    def _append(self, entries: Sequence[Entry]) -> None:
+        self._ring.extend(entries)
+        self._bytes += sum(len(entry.document) for entry in entries)
+        excess = max(len(self._ring) - self._ring_size, 0)
+        self._bytes -= sum(len(entry.document) for entry in self._ring[:excess])
+        while self._bytes > self._ring_bytes and excess < len(self._ring) - 1:
+            self._bytes -= len(self._ring[excess].document)
+            excess += 1
+        if excess > 0:
+            self._floor = self._ring[excess - 1].event.seq
+            del self._ring[:excess]
+        self.head = self._ring[-1].event.seq
+        self._wake()
+
+    async def _ask_alone(self, question: Callable[[], T]) -> T:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._own_thread, partial(copy_context().run, question))
+
+    def _hang_up(self) -> None:
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+
+    def _listen(self) -> psycopg.Connection:
+        self._listener = connect(self._dsn, "semap_api", application="semap feed")
+        with translated():
+            self._listener.execute("listen semap_event")
+        return self._listener
+
+    def _newest(self) -> int:
+        with transaction(self._engine) as connection:
+            return newest_event(connection)
+
+    def _new_entries(self) -> list[Entry]:
+        with transaction(self._engine) as connection:
+            events = list_events(connection, after=self.head, limit=BATCH)
+        return [Entry.of(event) for event in events]
+
+
+def _number(entry: Entry) -> int:
+    return entry.event.seq
+
+
+async def _notified(listener: psycopg.Connection) -> None:
+    """Wait for a notification, for a second at most.
+
+    raises  ServerUnavailable if the connection is lost
+    """
+    loop = asyncio.get_running_loop()
+    readable = asyncio.Event()
+    with translated():
+        socket = listener.fileno()
+        loop.add_reader(socket, readable.set)
+        try:
+            await asyncio.wait_for(readable.wait(), POLL_S)
+        except TimeoutError:
+            return
+        finally:
+            loop.remove_reader(socket)
+        for _ in listener.notifies(timeout=0):
+            pass

@@ -1,0 +1,1 @@
+"""What those see who run semap: request ids, logs, metrics, traces, readiness, and what the doctor finds."""

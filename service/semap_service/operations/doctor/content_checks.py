@@ -1,0 +1,136 @@
+"""What is stored: shapes and partitions; and what the service keeps: webhooks, jobs, tokens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import psycopg
+from psycopg import sql
+
+from semap_service.operations.doctor.finding import DatabaseCheck, Trouble, listed, warn, wrong
+
+JOB_LOCK = 7369
+STUCK = "10 min"
+EXPIRES_WITHIN = "7 days"
+PARTITIONS = 1000
+
+
+def _shapes(connection: psycopg.Connection) -> Iterator[Trouble]:
+    bent = connection.execute(
+        "select distinct m.name || '/' || r.instance_name from semap.region r join semap.map m using (map_id)"
+        " where not st_isvalid(r.footprint) or st_isempty(r.footprint) limit 100"
+    ).fetchall()
+    if bent:
+        yield wrong(
+            f"rooms whose outline is no valid area: {listed([name for (name,) in bent])}",
+            "Draw or import them again; semap map show MAP lists them.",
+        )
+    flat = connection.execute(
+        "select distinct m.name || '/' || i.name from semap.continuous_query q"
+        " join semap.map m using (map_id)"
+        " join semap.instance i on i.map_id = q.map_id and i.concept_id = q.object_concept_id"
+        " where q.enabled and not exists (select from semap.region r where r.instance_id = i.instance_id"
+        "                                 and r.query_id = q.query_id) order by 1 limit 100"
+    ).fetchall()
+    if flat:
+        yield warn(
+            f"instances that a query watches and that have no area: {listed([name for (name,) in flat])}",
+            "Give them a footprint or a mesh: PATCH /instances/{id}, or import them with one.",
+        )
+
+
+def _partitions(connection: psycopg.Connection) -> Iterator[Trouble]:
+    for table in ("track_state", "line_observation"):
+        default = sql.Identifier("semap", f"{table}_default")
+        row = connection.execute(sql.SQL("select exists (select from {})").format(default)).fetchone()
+        if row and row[0]:
+            yield warn(
+                f"rows of {table} lie in its default partition, and are slower to find",
+                "Call semap.ensure_partitions with the days of states before they are written.",
+            )
+    row = connection.execute(
+        "select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass"
+    ).fetchone()
+    if row and row[0] > PARTITIONS:
+        yield warn(
+            f"track_state has {row[0]} partitions, which makes each statement slower to plan",
+            "Drop days that are needed no more: DROP TABLE semap.track_state_YYYYMMDD;",
+        )
+
+
+def _webhooks(connection: psycopg.Connection) -> Iterator[Trouble]:
+    for webhook_id, reason in connection.execute(
+        "select webhook_id, coalesce(nullif(state_reason, ''), last_error) from semap.webhook"
+        " where state = 'disabled' order by webhook_id limit 5"
+    ):
+        yield wrong(
+            f"webhook {webhook_id} is disabled: {reason or 'its address refuses'}",
+            f"Mend the receiver, then semap webhook resume {webhook_id}.",
+        )
+    for webhook_id, count in connection.execute(
+        "select w.webhook_id, d.count from semap.webhook w cross join lateral (select count(*) from ("
+        "  select from semap.webhook_dead_letter d where d.webhook_id = w.webhook_id limit 1000) d) d"
+        " where d.count > 0 order by 1 limit 5"
+    ):
+        yield warn(
+            f"webhook {webhook_id} has {count} events that it did not take",
+            f"See and send them again: semap webhook dead-letters {webhook_id}",
+        )
+
+
+def _jobs(connection: psycopg.Connection) -> Iterator[Trouble]:
+    lost = connection.execute(
+        "select j.job_id::text from semap.job j where j.finished_at is null"
+        " and j.created_at < clock_timestamp() - interval '1 min' and not exists (select from pg_locks l"
+        " where l.locktype = 'advisory' and l.classid = %s and l.objid = j.job_id and l.granted"
+        " and l.database = (select oid from pg_database where datname = current_database()))"
+        " order by j.job_id limit 100",
+        [JOB_LOCK],
+    ).fetchall()
+    if lost:
+        yield wrong(
+            f"jobs that nobody runs any more: {listed([job for (job,) in lost])}",
+            "Start semap serve, which marks them as failed; then send the files again.",
+        )
+        return
+    waiting = connection.execute(
+        "select job_id::text from semap.job where state = 'waiting'"
+        " and created_at < clock_timestamp() - %s::interval order by job_id limit 100",
+        [STUCK],
+    ).fetchall()
+    if waiting:
+        yield warn(
+            f"jobs that wait for long: {listed([job for (job,) in waiting])}",
+            "See what runs: semap job list; cancel what hangs: semap job cancel ID.",
+        )
+
+
+def _tokens(connection: psycopg.Connection) -> Iterator[Trouble]:
+    soon = connection.execute(
+        "select name from semap.token where revoked_at is null and expires_at > clock_timestamp()"
+        " and expires_at < clock_timestamp() + %s::interval order by expires_at limit 100",
+        [EXPIRES_WITHIN],
+    ).fetchall()
+    if soon:
+        yield warn(
+            f"tokens that expire within a week: {listed([name for (name,) in soon])}",
+            "Make new ones: semap token add NAME --scope ...",
+        )
+    gone = connection.execute(
+        "select name from semap.token where revoked_at is null and expires_at <= clock_timestamp()"
+        " and last_used_at > expires_at - interval '1 day' order by expires_at desc limit 100"
+    ).fetchall()
+    if gone:
+        yield warn(
+            f"tokens that were in use until they expired: {listed([name for (name,) in gone])}",
+            "Make new ones: semap token add NAME --scope ...; semap token revoke forgets the old.",
+        )
+
+
+CONTENT_CHECKS = (
+    DatabaseCheck("shapes", "what is watched has a valid outline", _shapes),
+    DatabaseCheck("partitions", "states lie in the partition of their day", _partitions),
+    DatabaseCheck("webhooks", "webhooks take what they are sent", _webhooks),
+    DatabaseCheck("jobs", "no job is stuck", _jobs),
+    DatabaseCheck("tokens", "no token is about to expire", _tokens),
+)

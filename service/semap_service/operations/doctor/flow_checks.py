@@ -1,0 +1,133 @@
+"""The flow from sources to events: the log, the worker, sources, rules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import psycopg
+
+from semap_service.operations.doctor.finding import DatabaseCheck, Trouble, listed, mebibytes, warn, wrong
+
+BEHIND_BYTES = 64 * 1024**2
+KEPT_BYTES = 4 * 1024**3
+LATE_SHARE = 0.01
+
+WORK_IS_NEEDED = "Start it: semap work (or semap up, or systemctl start semap-work)."
+RESYNC = "Stop the rule worker and run: semap db resync"
+
+
+def _slot(connection: psycopg.Connection) -> Iterator[Trouble]:
+    row = connection.execute(
+        "select s.slot_name, s.wal_status, pg_wal_lsn_diff(pg_current_wal_lsn(), s.restart_lsn)::bigint,"
+        " (select nullif(setting::bigint, -1) * 1024 * 1024 from pg_settings"
+        "  where name = 'max_slot_wal_keep_size')"
+        " from (select semap.rule_slot() as name) wanted"
+        " left join pg_replication_slots s on s.slot_name = wanted.name"
+    ).fetchone()
+    name, status, kept, most = row or (None, None, None, None)
+    if name is None:
+        yield wrong("the rule worker's replication slot is missing", RESYNC)
+    elif status == "lost":
+        yield wrong("the rule worker's slot has lost its place: the log it needs is gone", RESYNC)
+    elif kept is not None and most is not None and kept > most / 2:
+        yield warn(
+            f"the server keeps {mebibytes(kept)} of log for the rule worker, of {mebibytes(most)} at most",
+            WORK_IS_NEEDED,
+        )
+    elif kept is not None and kept > KEPT_BYTES:
+        yield warn(f"the server keeps {mebibytes(kept)} of log for the rule worker", WORK_IS_NEEDED)
+
+
+def _other_slots(connection: psycopg.Connection) -> Iterator[Trouble]:
+    for name, kept in connection.execute(
+        "select slot_name, pg_wal_lsn_diff(pg_current_wal_lsn(), restart_lsn)::bigint"
+        " from pg_replication_slots where not active and slot_name <> semap.rule_slot()"
+        " order by restart_lsn limit 20"
+    ):
+        if kept is not None and kept > BEHIND_BYTES:
+            yield warn(
+                f"nobody reads the slot {name}, for which the server keeps {mebibytes(kept)} of log",
+                f"If it is needed no more: SELECT pg_drop_replication_slot('{name}');",
+            )
+
+
+def _worker(connection: psycopg.Connection) -> Iterator[Trouble]:
+    row = connection.execute(
+        "select s.active, pg_wal_lsn_diff(pg_current_wal_lsn(), s.confirmed_flush_lsn)::bigint"
+        " from pg_replication_slots s where s.slot_name = semap.rule_slot()"
+    ).fetchone()
+    if row is None or not row[0]:
+        yield wrong("no rule worker runs: changes make no events", WORK_IS_NEEDED)
+    elif row[1] > BEHIND_BYTES:
+        yield warn(
+            f"the rule worker is {mebibytes(row[1])} of log behind",
+            "Give it time, or a faster machine; see semap_slot_lag_bytes in /metrics.",
+        )
+
+
+def _sources(connection: psycopg.Connection) -> Iterator[Trouble]:
+    idle = connection.execute(
+        "select m.name || '/' || s.name from semap.source s join semap.map m using (map_id)"
+        " where s.idle and not s.ended order by 1 limit 100"
+    ).fetchall()
+    if idle:
+        yield warn(
+            f"silent sources, for which rules wait no more: {listed([name for (name,) in idle])}",
+            "See that the sensor and its `semap ingest` run.",
+        )
+    for name, late, states in connection.execute(
+        "select m.name || '/' || s.name, s.late_states, c.track_states + c.lines from semap.source s"
+        " join semap.map m using (map_id) join semap.source_count c using (source_id)"
+        " where s.late_states > %s * (c.track_states + c.lines) order by s.late_states desc limit 5",
+        [LATE_SHARE],
+    ):
+        yield warn(
+            f"of {states} states of source {name}, {late} came too late to change a relation",
+            "Bring each recording in once, in the order of stamps, each sensor as a source of its own.",
+        )
+
+
+def _rules(connection: psycopg.Connection) -> Iterator[Trouble]:
+    failed = connection.execute(
+        "select m.name || '/' || r.name from semap.rule r join semap.map m using (map_id)"
+        " join semap.rule_version v using (rule_id, version) cross join semap.progress p"
+        " where p.worker = 'rules' and r.enabled and not p.rule_state ? r.rule_id::text"
+        " and to_timestamp((p.watermarks ->> 'committed_at_us')::double precision / 1e6)"
+        "     > v.declared_at + interval '10 s' order by 1 limit 100"
+    ).fetchall()
+    if failed:
+        yield wrong(
+            f"rules that the worker has put out of force: {listed([name for (name,) in failed])}",
+            "Its log says why; mend the rule and declare it again: semap rule replace NAME FILE.",
+        )
+    for name, count in connection.execute(
+        "select p.rule_state -> d.id ->> 'name', d.count::bigint from semap.progress p,"
+        " jsonb_each_text(p.watermarks -> 'dropped') as d (id, count)"
+        " where p.worker = 'rules' and p.rule_state ? d.id limit 5"
+    ):
+        yield warn(
+            f"rule {name} has given up {count} attempts: too many were under way in one key",
+            "Give its pattern a window (within), or partition it.",
+        )
+
+
+def _late_rows(connection: psycopg.Connection) -> Iterator[Trouble]:
+    row = connection.execute(
+        "select count(*) from (select from semap.late_row where replayed_at is null limit 1000) l"
+    ).fetchone()
+    if row and row[0]:
+        count = "1000 or more" if row[0] == 1000 else str(row[0])
+        yield warn(
+            f"{count} rows came after their watermark, and no rule has seen them",
+            "Give them to the rules: semap rule replay-late; and give their source a lateness.",
+        )
+
+
+FLOW_CHECKS = (
+    DatabaseCheck("slot", "the rule worker's slot is there", _slot),
+    DatabaseCheck("other slots", "no slot that nobody reads keeps the log", _other_slots),
+    DatabaseCheck("worker", "a rule worker runs and keeps up", _worker),
+    DatabaseCheck("sources", "no source is silent or late", _sources),
+    DatabaseCheck("rules", "all rules are in force", _rules),
+    DatabaseCheck("late rows", "no row waits that came too late", _late_rows),
+)

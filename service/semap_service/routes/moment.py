@@ -1,0 +1,221 @@
+"""/maps/{name}/moment, /timeline and /extent: a map as it was, and what happened between two moments"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from semap.errors import InvalidInput
+from semap.store import events, moment
+from semap_service.document import Document, InStamp, Stamp
+from semap_service.problem import problems
+from semap_service.routes.event_document import EventDocument, event_document
+from semap_service.transaction import Database, transaction
+
+router = APIRouter(tags=["history"])
+
+From = Annotated[InStamp, Query(alias="from", description="The earlier moment (RFC 3339).")]
+
+
+class PastTrackDocument(Document):
+    """Someone or something, as it was seen last by the moment."""
+
+    track_id: int
+    name: str = Field(examples=["person 3"])
+    stamp: Stamp = Field(description="When it was seen.")
+    x_m: float
+    y_m: float
+    z_m: float | None
+    heading_rad: float | None
+    speed_mps: float | None
+    length_m: float | None
+    width_m: float | None
+    cov_xx_m2: float | None = Field(description="Covariance of its place; null where it is not known.")
+    cov_xy_m2: float | None
+    cov_yy_m2: float | None
+    rooms: list[int] = Field(description="Ids of the instances that it was in.")
+    ended: bool = Field(description="False: what had ended by then is left out.")
+    trail: list[list[float]] = Field(
+        description="x [m], y [m] and time [s, at most 0, from the moment on] of where it was, oldest first."
+    )
+
+
+class PastDoorDocument(Document):
+    """How a door stood."""
+
+    instance_id: int
+    name: str = Field(examples=["Door07"])
+    state: str = Field(description="open, closed, opening, closing, or unknown.", examples=["open"])
+    since: Stamp | None
+
+
+class MomentDocument(Document):
+    """A map at a moment, in the form of the snapshot of /maps/{name}/live."""
+
+    type: Literal["snapshot"]
+    stamp: Stamp
+    tracks: list[PastTrackDocument]
+    doors: list[PastDoorDocument]
+    rooms: dict[str, int] = Field(description="How many tracks were in each instance, by its id.")
+    event_cursor: int = Field(description="Number of the newest event by then; 0 where there was none.")
+    change_set: int = Field(description="The newest change of the map until now; 0 where there was none.")
+
+
+class StayDocument(Document):
+    """A track was in the room."""
+
+    track_id: int
+    name: str
+    from_: Stamp = Field(serialization_alias="from")
+    to: Stamp | None = Field(description="null while it holds.")
+
+
+class RoomTimeline(Document):
+    instance_id: int
+    name: str = Field(examples=["Room07"])
+    stays: list[StayDocument] = Field(description="In the order in which they began.")
+
+
+class DoorStateDocument(Document):
+    """The door stood so."""
+
+    state: str = Field(examples=["open"])
+    from_: Stamp = Field(serialization_alias="from")
+    to: Stamp | None = Field(description="null while it holds.")
+
+
+class DoorTimeline(Document):
+    instance_id: int
+    name: str = Field(examples=["Door07"])
+    states: list[DoorStateDocument] = Field(description="In the order in which they began.")
+
+
+class TimelineDocument(Document):
+    """Who was where, how doors stood and what happened."""
+
+    from_: Stamp = Field(serialization_alias="from")
+    to: Stamp
+    rooms: list[RoomTimeline] = Field(description="Those that somebody was in, by their ids.")
+    doors: list[DoorTimeline] = Field(description="Those of which something is known, by their ids.")
+    events: list[EventDocument] = Field(description="In the order of their stamps.")
+    more: bool = Field(description="Whether `limit` left something out: ask for less time.")
+
+
+class ExtentDocument(Document):
+    """When there is something to look back at."""
+
+    first: Stamp | None = Field(description="null where nothing was told of this map.")
+    last: Stamp | None
+
+
+@router.get("/maps/{name}/moment", operation_id="get_moment", responses=problems(404))
+def get_moment(
+    database: Database,
+    name: str,
+    at: Annotated[InStamp, Query(description="Event time (RFC 3339).")],
+    trail_s: Annotated[
+        float, Query(ge=0, le=300, allow_inf_nan=False, description="How far back trails go [s].")
+    ] = 10,
+    within_s: Annotated[
+        float,
+        Query(
+            gt=0,
+            le=600,
+            allow_inf_nan=False,
+            description="A track outside of all rooms is there if it was seen so long before [s].",
+        ),
+    ] = 10,
+) -> MomentDocument:
+    """Who was where, how doors stood and how many were in each room, as of an event time.
+
+    Trails have at most 200 points. What the map itself looked like is in its history.
+    """
+    with transaction(database) as connection:
+        then = moment.moment(connection, name, at, trail_s=trail_s, within_s=within_s)
+    return MomentDocument(
+        type="snapshot",
+        stamp=at,
+        tracks=[_track_document(each) for each in then.tracks],
+        doors=[PastDoorDocument.model_validate(each) for each in then.doors],
+        rooms={str(instance_id): count for instance_id, count in then.occupants.items()},
+        event_cursor=then.event_cursor,
+        change_set=then.change_set,
+    )
+
+
+@router.get("/maps/{name}/timeline", operation_id="get_timeline", responses=problems(404))
+def get_timeline(
+    database: Database,
+    name: str,
+    start: From,
+    end: Annotated[InStamp, Query(alias="to", description="The later moment, included.")],
+    limit: Annotated[
+        int, Query(ge=1, le=10_000, description="At most so many stays, states and events each.")
+    ] = 1000,
+) -> TimelineDocument:
+    """Who was in which room, how doors stood and what happened between two moments."""
+    _require_order(start, end)
+    with transaction(database) as connection:
+        stays = moment.stays(connection, name, start, end, limit + 1)
+        states = moment.door_states(connection, name, start, end, limit + 1)
+        happened = events.list_events_between(connection, name, start, end, limit=limit + 1)
+    more = max(len(stays), len(states), len(happened)) > limit
+    return TimelineDocument(
+        from_=start,
+        to=end,
+        rooms=_rooms(stays[:limit]),
+        doors=_doors(states[:limit]),
+        events=[event_document(each) for each in happened[:limit]],
+        more=more,
+    )
+
+
+@router.get("/maps/{name}/extent", operation_id="get_extent", responses=problems(404))
+def get_extent(database: Database, name: str) -> ExtentDocument:
+    """The first and the last stamp of all states, relations and events of a map."""
+    with transaction(database) as connection:
+        found = moment.extent(connection, name)
+    first, last = found or (None, None)
+    return ExtentDocument(first=first, last=last)
+
+
+def _require_order(start: datetime, end: datetime) -> None:
+    if end < start:
+        raise InvalidInput("it is before `from`", "Give the earlier moment first.", "to")
+
+
+def _track_document(track: moment.PastTrack) -> PastTrackDocument:
+    values = {name: getattr(track, name, None) for name in PastTrackDocument.model_fields}
+    variance_m2 = None if track.std_m is None else track.std_m**2
+    values |= {
+        "rooms": list(track.rooms),
+        "cov_xx_m2": variance_m2,
+        "cov_xy_m2": None if variance_m2 is None else 0.0,
+        "cov_yy_m2": variance_m2,
+    }
+    return PastTrackDocument.model_validate(values)
+
+
+def _rooms(stays: tuple[moment.Stay, ...]) -> list[RoomTimeline]:
+    found: dict[int, RoomTimeline] = {}
+    for each in stays:
+        room = found.setdefault(
+            each.instance_id, RoomTimeline(instance_id=each.instance_id, name=each.instance, stays=[])
+        )
+        room.stays.append(
+            StayDocument(track_id=each.track_id, name=each.track, from_=each.since, to=each.until)
+        )
+    return [found[instance_id] for instance_id in sorted(found)]
+
+
+def _doors(states: tuple[moment.DoorState, ...]) -> list[DoorTimeline]:
+    found: dict[int, DoorTimeline] = {}
+    for each in states:
+        door = found.setdefault(
+            each.instance_id, DoorTimeline(instance_id=each.instance_id, name=each.door, states=[])
+        )
+        door.states.append(DoorStateDocument(state=each.state, from_=each.since, to=each.until))
+    return [found[instance_id] for instance_id in sorted(found)]

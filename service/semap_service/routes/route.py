@@ -1,0 +1,75 @@
+"""/route"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from semap.errors import InvalidInput
+from semap.store import ways
+from semap_service.document import LARGEST_ID, Document
+from semap_service.problem import problems
+from semap_service.transaction import Database, transaction
+
+router = APIRouter(tags=["instances"])
+
+PLACE = r"^(track:)?[1-9]\d{0,18}$"
+TRACK = "track:"
+
+
+class StepDocument(Document):
+    """A room on the way."""
+
+    room_id: int
+    room: str = Field(examples=["Corridor"])
+    door_id: int | None = Field(description="The door by which it is entered; null where the way begins.")
+    door: str | None = Field(examples=["Door07"])
+    length_m: float = Field(description="Of the way to that door.")
+
+
+class WayDocument(Document):
+    """The shortest way through doors."""
+
+    length_m: float | None = Field(
+        description="From the first room's position to the last one's; null: none."
+    )
+    steps: list[StepDocument] = Field(description="The rooms in their order; empty where there is no way.")
+    line: list[list[float]] = Field(
+        description="x, y and, where it is known, z [m] of the rooms' positions and the doors between them."
+    )
+
+
+@router.get("/route", operation_id="find_route", responses=problems(404))
+def find_route(
+    database: Database,
+    start: Annotated[
+        str,
+        Query(
+            alias="from",
+            pattern=PLACE,
+            description="Id of an instance, or track:ID of a track.",
+            examples=["7", "track:3"],
+        ),
+    ],
+    end: Annotated[str, Query(alias="to", pattern=PLACE, description="Likewise.", examples=["12"])],
+) -> WayDocument:
+    """The shortest way from the room of one thing to the room of another: which doors, and how long.
+
+    A room is its own; anything else is in the smallest room around it, and a door in one that it joins.
+    """
+    with transaction(database) as connection:
+        found = ways.way(connection, _place(start, "from"), _place(end, "to"))
+    return WayDocument(
+        length_m=found.length_m,
+        steps=[StepDocument.model_validate(each) for each in found.steps],
+        line=[list(place) for place in found.line],
+    )
+
+
+def _place(given: str, where: str) -> ways.Place:
+    id_ = int(given.removeprefix(TRACK))
+    if id_ > LARGEST_ID:
+        raise InvalidInput("it is no id", "Give the id of an instance, or track:ID.", where)
+    return ways.Place("track" if given.startswith(TRACK) else "instance", id_)

@@ -1,0 +1,159 @@
+"""/maps/{name}/rules/check, /rules/{id}/text, /rule-templates: rules as the texts that people write"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from pydantic import Field
+from sqlalchemy import Connection
+
+from semap.errors import Conflict, InvalidInput, NotFound
+from semap.rules.declaration import Declaration as Declared
+from semap.rules.language.reading import parse_declaration
+from semap.rules.language.source_text import LONGEST, SourceText, line_and_column, read_source
+from semap.rules.language.template import TEMPLATES, fill
+from semap.rules.language.written import write_rule
+from semap.store import rules
+from semap.store.maps import get_map
+from semap.store.rules import Rule, RuleVersion
+from semap_service import rule_editing
+from semap_service.document import LARGEST_SMALL_ID, Document, Request, SmallId
+from semap_service.problem import problems
+from semap_service.routes.rules import Declaration
+from semap_service.transaction import Database, transaction
+
+router = APIRouter(tags=["rules"])
+
+YAML = "application/yaml"
+"""RFC 9512."""
+
+
+class RuleText(Request):
+    """A rule as its author has written it so far."""
+
+    text: str = Field(
+        max_length=LONGEST,
+        description="YAML or JSON.",
+        examples=["name: visits\ninput: track_in_room\nemit: {began: entered}\n"],
+    )
+    replaces: int | None = Field(
+        None,
+        ge=1,
+        le=LARGEST_SMALL_ID,
+        description="The id of the rule that it would replace, whose name it may have.",
+    )
+
+
+class Fault(Document):
+    """What is wrong with a text."""
+
+    message: str
+    remedy: str
+    where: str = Field(description="The clause, and where it stands.", examples=["emit, line 3, column 7"])
+    line: int | None = Field(description="From 1; null: it is about the whole.")
+    column: int | None = Field(description="From 1.")
+
+
+class RuleCheck(Document):
+    """What a text says, or what is wrong with it first."""
+
+    name: str | None = Field(description="The name that it gives the rule.", examples=["visits"])
+    declaration: Declaration | None = Field(description="As POST /rules takes it; null where it is wrong.")
+    fault: Fault | None = Field(description="null: it could be added as it is.")
+
+
+class RuleTemplate(Document):
+    """A ready rule, to be used as it is or to be edited."""
+
+    name: str = Field(examples=["visits"])
+    sentence: str = Field(description="What its events say.")
+    text: str = Field(description="YAML, with the parameters as they are where nobody sets them.")
+    parameters: dict[str, str] = Field(description="What each of its parameters means.")
+
+
+class RuleTemplateList(Document):
+    templates: list[RuleTemplate] = Field(description="All there are.")
+
+
+@router.post("/maps/{name}/rules/check", operation_id="check_rule", responses=problems(404))
+def check_rule(database: Database, name: str, written: RuleText) -> RuleCheck:
+    """Say whether a text is a rule that could be added to a map, and else what is wrong and where.
+
+    Nothing is written. What is wrong is no error of this request.
+    """
+    source: SourceText | None = None
+    declared: Declared | None = None
+    with transaction(database) as connection:
+        get_map(connection, name)
+        replaced = None if written.replaces is None else _rule_of(connection, name, written.replaces)
+        try:
+            source = read_source(written.text)
+            declared = parse_declaration(source.document, None if replaced is None else replaced.name)
+            rule_editing.require_fits(connection, name, declared, replaced)
+        except InvalidInput as error:
+            return _faulty(error if source is None else source.placed(error), declared)
+        except Conflict as error:
+            return _faulty(InvalidInput(str(error), error.remedy), declared)
+    return RuleCheck(name=declared.name, declaration=dict(declared.document), fault=None)
+
+
+@router.get(
+    "/rules/{id}/text",
+    operation_id="get_rule_text",
+    response_class=Response,
+    responses={**problems(404), 200: {"description": "YAML.", "content": {YAML: {}}}},
+)
+def get_rule_text(
+    database: Database,
+    id: SmallId,  # noqa: A002
+    version: Annotated[
+        int | None, Query(ge=1, le=LARGEST_SMALL_ID, description="Of the rule. [default: the last]")
+    ] = None,
+) -> Response:
+    """A rule, or what it once declared, as text to read and edit. Its comments are not kept."""
+    with transaction(database) as connection:
+        rule = rules.get_rule(connection, id)
+        if version is None or version == rule.version:
+            name, declaration = rule.name, rule.declaration
+        else:
+            name, declaration = _declared_once(rules.list_versions(connection, id), version)
+    return Response(write_rule(name, declaration), media_type=YAML)
+
+
+@router.get("/rule-templates", operation_id="list_rule_templates")
+def list_rule_templates() -> RuleTemplateList:
+    """Ready rules for what is often asked."""
+    return RuleTemplateList(
+        templates=[
+            RuleTemplate(
+                name=each.name,
+                sentence=each.sentence,
+                text=fill(each.name),
+                parameters={parameter.name: parameter.meaning for parameter in each.parameters},
+            )
+            for each in TEMPLATES.values()
+        ]
+    )
+
+
+def _rule_of(connection: Connection, map_name: str, rule_id: int) -> Rule:
+    rule = rules.get_rule(connection, rule_id)
+    if rule.map != map_name:
+        raise NotFound("rule", f"{rule_id} on the map {map_name}", "List the rules of the map.")
+    return rule
+
+
+def _faulty(error: InvalidInput, declared: Declared | None) -> RuleCheck:
+    line, column = line_and_column(error) or (None, None)
+    message = str(error).removeprefix(f"{error.where}: ")
+    fault = Fault(message=message, remedy=error.remedy, where=error.where, line=line, column=column)
+    return RuleCheck(name=None if declared is None else declared.name, declaration=None, fault=fault)
+
+
+def _declared_once(versions: Sequence[RuleVersion], version: int) -> tuple[str, Mapping[str, object]]:
+    for each in versions:
+        if each.version == version:
+            return each.name, each.declaration
+    raise NotFound("version", version, "List the versions of the rule.")
