@@ -137,6 +137,15 @@ $$;
 comment on function semap.rows_as_of is
   'The rows of a table as they were at a time, those of one map or (null) of none in particular.';
 
+-- What concepts were called at a time. All maps share them, and so may all who ask: this acts for its owner, since the
+-- versions of what belongs to no map are hidden from callers of some maps.
+create or replace function semap.concepts_as_of(p_at timestamptz) returns table (concept_id integer, name text)
+language sql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
+  select (r.content ->> 'concept_id')::integer, r.content ->> 'name' from semap.rows_as_of('concept', null, p_at) r
+$$;
+comment on function semap.concepts_as_of is
+  'What concepts were called at a time.';
+
 -- The instances of a map as they were at a time, or one of them, with where they stood and their footprints. A frame
 -- stood where the newest pose that was known then says.
 create or replace function semap.instances_as_of(
@@ -165,7 +174,7 @@ language sql stable as $$
     select c.frame_id, f.parent_id, semap.compose(s.pose, c.pose)
     from chain c join frame f on f.frame_id = c.above_id left join stood s on s.frame_id = f.frame_id
   ), concept as materialized (
-    select c.* from semap.rows_as_of('concept', null, p_at) r, jsonb_populate_record(null::semap.concept, r.content) c
+    select c.* from semap.concepts_as_of(p_at) c
   ), outline as materialized (
     select (r.content ->> 'instance_id')::bigint as instance_id, r.shape,
            (r.content ->> 'z_min_m')::double precision as z_min_m, (r.content ->> 'z_max_m')::double precision as z_max_m

@@ -4,9 +4,9 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   update semap.job
   set state = 'done', progress = 1, message = '', result = p_result, finished_at = clock_timestamp()
-  where job_id = p_job_id and state = 'running';
+  where job_id = p_job_id and state = 'running' and not cancel_requested;
   if not found then
-    raise exception 'The job % is not running any more.', p_job_id using errcode = 'query_canceled';
+    raise exception 'The job % is not running any more, or is to stop.', p_job_id using errcode = 'query_canceled';
   end if;
 end $$;
 comment on function semap.finish_job is

@@ -78,7 +78,8 @@ begin
   foreach v_function in array array[
     'semap.states_of_track(bigint, timestamptz, timestamptz, timestamptz, integer)',
     'semap.state_before(bigint, timestamptz, timestamptz)',
-    'semap.first_state_of_map(integer, integer)'
+    'semap.first_state_of_map(integer, integer)',
+    'semap.concepts_as_of(timestamptz)'
   ]::regprocedure[] loop
     execute format('revoke execute on function %s from public', v_function);
     foreach v_role in array array[

@@ -40,7 +40,7 @@ STATEMENTS = (
     "create index token_map_map on semap.token_map (map_id)",
     """
     comment on table semap.token_map is
-      'The maps of a token that is not for all maps. A deleted map leaves it, and does not return by its name.'
+      'The maps of a token that is not for all maps. A deleted map leaves it and does not return by its name.'
     """,
 )
 

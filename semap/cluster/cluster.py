@@ -140,7 +140,9 @@ class Cluster:
 
     def create_database(self, name: str, template: str | None = None) -> None:
         """raises DatabaseError if the name is taken or the template is in use."""
-        source = SQL(" template {}").format(Identifier(template)) if template else SQL("")
+        # Copied as files, since a copy through the log would write all of the template there first.
+        copied = SQL(" template {} strategy file_copy")
+        source = copied.format(Identifier(template)) if template else SQL("")
         self._execute(SQL("create database {}{}").format(Identifier(name), source))
 
     def drop_database(self, name: str) -> None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 
+import numpy as np
 import shapely
 from shapely.geometry import shape
 
@@ -157,6 +158,8 @@ def _shape(value: object, place: str) -> Shape:
         read = shapely.force_2d(shape(value))
     except (ValueError, TypeError, IndexError, shapely.errors.GEOSException) as error:
         raise InvalidInput(f"coordinates that are no {value['type']}", "Close each ring.", place) from error
+    if not np.isfinite(shapely.get_coordinates(read)).all():
+        raise InvalidInput("coordinates that are not finite", "Give numbers.", place)
     if read.is_empty or not read.is_valid:
         raise InvalidInput(
             f"a {value['type']} that is empty or crosses itself",

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry import mapping
 
@@ -257,7 +258,8 @@ class _Reading:
             open_ += (token.word == "(") - (token.word == ")")
             if open_ == 0 and token.word in (")", "empty"):
                 try:
-                    read = shapely.from_wkt(self.source[start : token.start + len(token.text)])
+                    with np.errstate(over="ignore"):  # what is not finite is refused where shapes are checked
+                        read = shapely.from_wkt(self.source[start : token.start + len(token.text)])
                 except shapely.errors.GEOSException as error:
                     raise self._refused_at(start, "the shape is no WKT") from error
                 return mapping(read)

@@ -159,9 +159,10 @@ def newest_event(connection: Connection) -> int:
 
 def kept_events(connection: Connection) -> Kept:
     """Which events there are now."""
+    # The newest first: what is committed between the two must not look as if it had been and gone.
+    newest = newest_event(connection)
     with translated():
-        oldest = connection.scalar(select(func.min(event.c.seq)))
-    return Kept(oldest, newest_event(connection))
+        return Kept(connection.scalar(select(func.min(event.c.seq))), newest)
 
 
 def _event(row: Sequence[Any]) -> StoredEvent:

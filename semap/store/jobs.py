@@ -32,7 +32,7 @@ CANCEL = text("""
     set cancel_requested = true,
         state = case state when 'waiting' then 'cancelled' else state end,
         finished_at = case state when 'waiting' then clock_timestamp() end
-    where job_id = :job_id and finished_at is null
+    where (job_id = :job_id or token_id = :token_id) and finished_at is null
 """)
 FORGET = text("""
     delete from semap.job
@@ -157,11 +157,17 @@ def cancel_job(connection: Connection, job_id: int, owner: Owner) -> Job:
     """
     get_job(connection, job_id, owner)
     with translated():
-        asked = connection.execute(CANCEL, {"job_id": job_id})
+        asked = connection.execute(CANCEL, {"job_id": job_id, "token_id": None})
     found = get_job(connection, job_id, owner)
     if asked.rowcount == 0:
         raise Conflict(f"The job {job_id} has ended: {found.state}.", "There is nothing left to cancel.")
     return found
+
+
+def cancel_jobs_of(connection: Connection, token_id: int) -> None:
+    """Cancel all jobs of a token that have not ended."""
+    with translated():
+        connection.execute(CANCEL, {"job_id": None, "token_id": token_id})
 
 
 def start_job(connection: Connection, job_id: int) -> bool:

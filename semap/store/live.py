@@ -85,7 +85,8 @@ def live_map(connection: Connection, map_id: int) -> LiveMap | None:
     with translated():
         if not connection.scalar(IS_THERE, wanted):
             return None
-        change_set = connection.scalar(CHANGE_SET, wanted)
+        # Numbers first: what is committed meanwhile is then told once more, and never left out.
+        change_set, event_cursor = connection.scalar(CHANGE_SET, wanted), newest_event(connection)
         tracks = (LiveTrack(*[*known, tuple(rooms)]) for *known, rooms in connection.execute(TRACKS, wanted))
         doors = (
             LiveDoor(instance_id, name, state or UNKNOWN, since)
@@ -94,6 +95,6 @@ def live_map(connection: Connection, map_id: int) -> LiveMap | None:
         return LiveMap(
             tracks={each.track_id: each for each in tracks},
             doors={each.instance_id: each for each in doors},
-            event_cursor=newest_event(connection),
+            event_cursor=event_cursor,
             change_set=change_set or 0,
         )

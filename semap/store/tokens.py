@@ -19,6 +19,7 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 
 from semap.errors import InvalidInput, NotFound
 from semap.store.database import translated
+from semap.store.jobs import cancel_jobs_of
 from semap.store.maps import map_id_of
 from semap.store.tables import map_, token, token_map
 
@@ -136,7 +137,7 @@ def get_token(connection: Connection, token_id: int) -> Token:
 
 
 def revoke_token(connection: Connection, token_id: int) -> Token:
-    """Let a token be of no use from now on; one that is revoked stays as it is.
+    """Let a token be of no use from now on, and cancel its jobs; one that is revoked stays as it is.
 
     raises  NotFound
     """
@@ -146,6 +147,7 @@ def revoke_token(connection: Connection, token_id: int) -> Token:
             .where(token.c.token_id == token_id, token.c.revoked_at.is_(None))
             .values(revoked_at=func.clock_timestamp())
         )
+    cancel_jobs_of(connection, token_id)
     return get_token(connection, token_id)
 
 

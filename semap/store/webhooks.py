@@ -115,6 +115,19 @@ def get_webhook(connection: Connection, webhook_id: int) -> Webhook:
     return _webhook(row)
 
 
+def hold_webhook(connection: Connection, webhook_id: int) -> None:
+    """Let nobody else change a webhook until the transaction ends; deliveries wait meanwhile.
+
+    raises  NotFound
+    """
+    with translated():
+        held = connection.scalar(
+            select(webhook.c.webhook_id).where(webhook.c.webhook_id == webhook_id).with_for_update()
+        )
+    if held is None:
+        raise _unknown(webhook_id)
+
+
 def change_webhook(connection: Connection, webhook_id: int, values: Mapping[str, object]) -> None:
     """Change columns of a webhook.
 
@@ -147,12 +160,8 @@ def rotate_secret(connection: Connection, webhook_id: int, secret: bytes, keep_s
     raises  NotFound
     """
     own = webhook_secret.c.webhook_id == webhook_id
+    hold_webhook(connection, webhook_id)
     with translated():
-        held = connection.scalar(
-            select(webhook.c.webhook_id).where(webhook.c.webhook_id == webhook_id).with_for_update()
-        )
-        if held is None:
-            raise _unknown(webhook_id)
         present = select(func.max(webhook_secret.c.webhook_secret_id)).where(own).scalar_subquery()
         connection.execute(
             delete(webhook_secret).where(

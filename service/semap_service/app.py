@@ -25,6 +25,7 @@ from semap_service.compression import Compressed
 from semap_service.feed import Feed
 from semap_service.feed.channel import Channels
 from semap_service.feed.subscription import Pace
+from semap_service.head import Headed
 from semap_service.jobs.body_limit import body_limit
 from semap_service.jobs.runner import JOBS, JobRunner, JobSettings
 from semap_service.live.watch import Watches
@@ -207,6 +208,7 @@ def create_app(
     add_page(app)
     app.add_middleware(Routed)
     app.add_middleware(Compressed)
+    app.add_middleware(Headed)
     app.add_middleware(
         LimitedBody,
         limit_of=lambda scope: body_limit(scope, job_settings.most_bytes),

@@ -13,7 +13,6 @@ from semap_service.live.picture import Delta, LiveHeartbeat, Snapshot
 
 JSON = "application/json"
 SCHEMAS = "#/components/schemas/{model}"
-SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 
 MESSAGES: dict[str, type[BaseModel]] = {
     "hello": Hello,

@@ -1,7 +1,8 @@
 """Events as CloudEvents 1.0 in the JSON format (CNCF CloudEvents, JSON Event Format 1.0.2).
 
 `id` is the event's own, so that an event that is delivered twice is known again; `source` is the path of its
-map; `sequence` is the extension of that name, with the event's number.
+map; `sequence` is the extension of that name, with the event's number, padded so that texts sort as numbers
+do.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ STRUCTURED = "application/cloudevents+json"
 BATCH = "application/cloudevents-batch+json"
 TYPE = "semap.event."
 SCHEMA_PATH = "schemas/event"
+DIGITS = 19
+"""Of the largest bigint: the extension Sequence wants texts in their order."""
 
 
 class CloudEventDocument(Document):
@@ -40,7 +43,7 @@ class CloudEventDocument(Document):
                     "subject": "Room07",
                     "datacontenttype": "application/json",
                     "dataschema": "http://127.0.0.1:8000/schemas/event",
-                    "sequence": "17",
+                    "sequence": "0000000000000000017",
                     "data": EXAMPLE,
                 }
             ]
@@ -58,7 +61,7 @@ class CloudEventDocument(Document):
     )
     datacontenttype: Literal["application/json"]
     dataschema: str = Field(description="The JSON Schema of `data`.")
-    sequence: str = Field(description="The number of the event, which is the cursor.", pattern="^[0-9]+$")
+    sequence: str = Field(description="The number of the event, in 19 digits.", pattern="^[0-9]{19}$")
     data: EventDocument
 
 
@@ -86,7 +89,7 @@ def _attributes(event: StoredEvent, schema_url: str | None) -> dict[str, object]
         "subject": event.instance_name or event.track_name,
         "datacontenttype": "application/json",
         "dataschema": schema_url,
-        "sequence": str(event.seq),
+        "sequence": f"{event.seq:0{DIGITS}}",
     }
     return {name: value for name, value in attributes.items() if value}
 

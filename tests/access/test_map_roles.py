@@ -162,7 +162,7 @@ def test_functions_that_act_for_their_owner_are_called_by_those_they_are_for(
             [list(OF_MAPS)],
         )
     }
-    assert open_to <= {"undo_change_set", "finish_job", *STATES}
+    assert open_to <= {"undo_change_set", "finish_job", "concepts_as_of", *STATES}
 
 
 STATES = {

@@ -45,6 +45,22 @@ def test_a_writer_of_one_map_edits_all_of_it(building: Building) -> None:
         assert client.get("/maps/annex/export?format=geojson").status_code == 200
 
 
+def test_the_past_of_a_map_is_told_to_a_caller_of_one_map_as_to_all(building: Building) -> None:
+    """With the names of concepts, whose versions belong to no map."""
+    with building.service.client("annex") as client, building.service.client("admin") as admin:
+        for each in ({"map": "annex"}, {"map": "annex", "limit": 1}):
+            told = [
+                by.get("/instances", params={**each, "as_of": "2100-01-01T00:00:00Z"})
+                for by in (client, admin)
+            ]
+            assert told[0].json() == told[1].json()
+            (room,) = told[0].json()["instances"]
+            assert room["concept"] == "Room"
+        past = {"as_of": "2100-01-01T00:00:00Z"}
+        assert client.get(f"/instances/{room['id']}", params=past).json()["concept"] == "Room"
+        assert client.get(f"/instances/{building.ids['instance']}", params=past).status_code == 404
+
+
 def test_an_operator_answers_a_caller_of_one_map_as_it_answers_all(building: Building) -> None:
     with building.service.client("annex") as client, building.service.client("admin") as admin:
         for operator, question in (

@@ -113,9 +113,12 @@ def test_a_poll_that_waits_ends_when_its_token_is_revoked(building: Building) ->
     secret = service.add_token("waiting", "read")
     with service.client(secret) as client:
         answers = []
-        waiting = threading.Thread(target=lambda: answers.append(client.get("/events?after=99&wait=15")))
-        waiting.start()
         with connect(service.dsn) as owner:
+            newest = owner.execute("select coalesce(max(seq), 0) from semap.event").fetchone()[0]
+            waiting = threading.Thread(
+                target=lambda: answers.append(client.get(f"/events?after={newest}&wait=15"))
+            )
+            waiting.start()
             until(lambda: service.app.state.known_tokens.is_known(secret))
             owner.execute("update semap.token set revoked_at = now() where name = 'waiting'")
         waiting.join()

@@ -168,6 +168,7 @@ def test_no_length_or_depth_ends_the_process(unit: str, count: int) -> None:
         ({"op": "in", "args": [{"property": "size"}, [1, "a"]]}, "filter.args[1][1]", "number and a text", "like"),
         ({"op": "like", "args": [{"property": "name"}, "a\\"]}, "filter.args[1]", "ends with", "backslash"),
         ({"op": "=", "args": [{"property": "size"}, float("inf")]}, "filter.args[1]", "finite", "number"),
+        ("S_WITHIN(place, POINT(1e400 0))", "filter.args[1]", "finite", "numbers"),
         (
             {"op": "s_within", "args": [{"property": "place"}, {"type": "GeometryCollection", "coordinates": []}]},
             "filter.args[1]",

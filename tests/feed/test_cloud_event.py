@@ -30,13 +30,18 @@ def test_the_sdk_reads_them(name: str) -> None:
     assert read.get_subject() == (event.instance_name or event.track_name)
     assert read.get_datacontenttype() == "application/json"
     assert read.get_dataschema() == SCHEMA
-    assert read.get_extension("sequence") == str(event.seq)
+    assert read.get_extension("sequence") == f"{event.seq:019}"
     assert read.get_data() == json.loads(event_json(event))
     assert json.loads(written) == cloud_event(event, SCHEMA)
     document = CloudEventDocument.model_json_schema(mode="serialization")
     Draft202012Validator(document, format_checker=Draft202012Validator.FORMAT_CHECKER).validate(
         json.loads(written)
     )
+
+
+def test_sequences_sort_as_numbers_do() -> None:
+    numbers = [2, 10, 9, 2**63 - 1]
+    assert sorted(numbers, key=lambda seq: str(cloud_event(stored(seq))["sequence"])) == sorted(numbers)
 
 
 def test_the_source_is_the_path_of_the_map() -> None:

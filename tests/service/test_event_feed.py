@@ -16,9 +16,11 @@ from following import any_message, deaf, drained, events, message, narrow, numbe
 from running import START, Service
 from semap_service.document import rfc3339
 from semap_service.feed import Entry, Feed
-from sqlalchemy import create_engine
+from sqlalchemy import Connection, create_engine
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+from semap.store.events import newest_event
 
 
 def hello(cursor: int, head: int, oldest: int | None, resumed: str) -> dict:
@@ -146,6 +148,11 @@ def test_polling_goes_on_at_its_cursor(service: Service) -> None:
     assert service.client.get("/events?map=nowhere").status_code == 404
     assert service.client.get("/events?wait=61").status_code == 422
     assert service.client.get("/events?after=-1").status_code == 422
+    beyond = service.client.get("/events?after=8&wait=60")
+    assert (beyond.status_code, beyond.json()["detail"][:40]) == (
+        422,
+        "after: 8 is beyond the newest event, 7",
+    )
 
 
 def test_a_waiting_poll_is_answered_by_the_first_event(service: Service) -> None:
@@ -245,6 +252,21 @@ def test_resuming_says_what_it_gave(service: Service, ring: str) -> None:
         assert message(feed) == hello(20, 20, None, "no_longer_kept")
         service.happen(21)
         assert numbers(events(feed, 1)) == [21]
+
+
+def test_what_is_committed_while_somebody_comes_back_has_not_been_deleted(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def as_the_first_is_committed(connection: Connection) -> int:
+        monkeypatch.undo()
+        service.happen(1)
+        return newest_event(connection)
+
+    service.make_map()
+    monkeypatch.setattr("semap.store.events.newest_event", as_the_first_is_committed)
+    with connect(f"{service.feed_url}?after=0") as feed:
+        assert message(feed)["resumed"] in ("replayed", "nothing_missed")
+        assert numbers(events(feed, 1)) == [1]
 
 
 def test_the_feed_selects(service: Service) -> None:

@@ -4,6 +4,7 @@ import json
 import time
 from contextlib import contextmanager
 from datetime import timedelta
+from typing import Any
 
 import pytest
 import shapely
@@ -14,6 +15,8 @@ from semap_service.document import rfc3339
 from semap_service.live.picture import Delta, LiveHeartbeat, Snapshot
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+
+from semap.store.live import LiveMap, live_map
 
 SCHEMAS = {
     kind: Draft202012Validator(
@@ -240,6 +243,24 @@ def test_the_live_map_survives_the_loss_of_its_connections(service: Service) -> 
         )
         move(service, person, 1, 7, 7)
         page.until(lambda: page.places() == {"person": (7, 7)})
+
+
+def test_a_look_that_fails_in_a_way_that_nobody_expected_is_repeated(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.make_map()
+    failures = [ValueError()]
+
+    def fails_once(*asked: Any) -> LiveMap | None:
+        if failures:
+            raise failures.pop()
+        return live_map(*asked)
+
+    monkeypatch.setattr("semap_service.live.watch.live_map", fails_once)
+    with connect(f"{service.url.replace('http', 'ws')}/maps/office/live") as socket:
+        while (told := json.loads(socket.recv(timeout=5)))["type"] == "heartbeat":
+            pass
+        assert told["type"] == "snapshot"
 
 
 def test_looking_reads_no_track_that_has_ended(service: Service) -> None:

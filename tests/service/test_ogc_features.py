@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
 import random
@@ -404,11 +405,15 @@ WRONG = (
     {"properties": "nope"},
     {"crs": "http://www.opengis.net/def/crs/EPSG/0/25832"},
     {"cursor": "xyz"},
+    {
+        "cursor": base64.urlsafe_b64encode(rb'{"o":"name","v":["\ud800","1"],"b":false}').decode(),
+        "sortby": "name",
+    },
     {"cursor": "eyJvIjoiIiwidiI6WyJhIl0sImIiOmZhbHNlfQ"},
     {"cursor": "eyJvIjoiIiwidiI6WyIxIiwiMiJdLCJiIjpmYWxzZX0"},
     {"cursor": "eyJvIjoiIiwidiI6W10sImIiOmZhbHNlfQ", "offset": "1"},
     {"limit": "0"},
-    {"limit": "10001"},
+    {"limit": "-1"},
     {"offset": "-1"},
     {"unknown": "1"},
     {"f": "html"},
@@ -431,6 +436,38 @@ def test_what_cannot_be_understood_is_400_with_a_remedy(service: Service):
         assert service.client.get(path).status_code == 404, path
 
 
+def test_head_is_get_without_its_content(service: Service):
+    furnish(service)
+    tagged = service.raw.get(ROOMS)
+    for path in (
+        "/",
+        "/collections",
+        ROOMS,
+        "/maps",
+        "/events",
+        "/openapi.json",
+        "/docs",
+        "/collections/no.Room",
+    ):
+        headed, whole = service.raw.head(path), service.raw.get(path)
+        assert (headed.status_code, headed.content) == (whole.status_code, b""), path
+        for name in ("content-type", "content-length", "content-encoding", "etag", "content-crs", "link"):
+            if path != "/collections/no.Room" or name != "content-length":
+                assert headed.headers.get(name) == whole.headers.get(name), (path, name)
+    assert service.raw.head(ROOMS, headers={"If-None-Match": tagged.headers["etag"]}).status_code == 304
+    assert service.raw.head("/events/stream").status_code == 405
+    assert service.raw.get("/health").status_code == 200
+
+
+def test_a_limit_beyond_the_largest_is_the_largest(service: Service):
+    """OGC 17-069r4, /req/core/fc-limit-response-1."""
+    service.make_map()
+    track = service.walk([(0.0, 0.0), (1.0, 0.0)])
+    for path in (ROOMS, "/collections", f"/collections/office.tracks/items/{track}/tgsequence"):
+        for limit in (10_001, 10**30):
+            assert service.client.get(path, params={"limit": limit}).status_code == 200, path
+
+
 def test_names_with_dots_and_other_signs(service: Service):
     for name in ("a", "a.b", "ü & ?#%", "a.tracks"):
         service.make_map(name)
@@ -440,6 +477,13 @@ def test_names_with_dots_and_other_signs(service: Service):
         self = link(each, "self")
         assert service.raw.get(self).json()["id"] == each["id"]
         assert service.raw.get(link(each, "items")).status_code == 200
+    # of a concept of that name there is no collection: /office.tracks is what is followed
+    service.raw.post("/concepts", json={"name": "tracks", "parents": ["Room"]})
+    service.make_map()
+    service.make_room("lab", shapely.box(0, 0, 1, 1))
+    service.plain.execute("update semap.instance set concept_id = semap.concept_named('tracks')")
+    ids = [each["id"] for each in service.get("/collections")["collections"]]
+    assert len(ids) == len(set(ids)) == 27
 
 
 @pytest.mark.skipif(shutil.which("ogrinfo") is None, reason="needs gdal-bin")

@@ -52,6 +52,7 @@ def test_the_way_of_a_track(service: Service):
     assert cut == [([0.5, 1, 2, 3, 3.25], [[1.5, 2], [3, 4], [3, 4], [6, 8], [6, 8.5]])]
     assert way(service, here, leaf=f"{at(-1)},{at(0.5)},{at(3)},{at(9)}") == [([0.5, 3], [[1.5, 2], [6, 8]])]
     assert way(service, here, leaf=at(77)) == []
+    assert way(service, here, leaf=at(1), datetime=f"{at(2)}/{at(3)}") == []
 
     (piece,) = service.get(f"{here}/tgsequence")["geometrySequence"]
     one = f"{here}/tgsequence/{piece['id']}"

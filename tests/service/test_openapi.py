@@ -5,6 +5,7 @@ from pathlib import Path
 import httpx
 import pytest
 import shapely
+from rule_work import running_worker
 from running import PROBLEM, Service, box_mesh
 from semap_service import demo
 
@@ -30,7 +31,7 @@ def operations(described: dict) -> dict[str, dict]:
     }
 
 
-def test_every_endpoint_answers_as_published(service: Service) -> None:
+def test_every_endpoint_answers_as_published(service: Service, database: str) -> None:
     client = service.client
     service.make_map()
     room = service.make_room("Room07", shapely.box(0, 0, 4, 3), height_m=2.5)
@@ -40,6 +41,10 @@ def test_every_endpoint_answers_as_published(service: Service) -> None:
     rooms = f"/rooms/{room['id']}"
     for path in [
         "/health",
+        "/metrics",
+        "/asyncapi.json",
+        "/schemas/event",
+        "/rule-templates",
         "/maps",
         "/maps/office",
         "/instances",
@@ -86,6 +91,9 @@ def test_every_endpoint_answers_as_published(service: Service) -> None:
         assert client.patch(where, json=change).json() == {**made.json(), "enabled": False}
         if kind == "rules":
             client.get(f"{where}/versions").raise_for_status()
+            client.get(f"{where}/text").raise_for_status()
+            written = {"text": "name: s\ninput: track_in_room\nemit: {began: came}\n"}
+            client.post("/maps/office/rules/check", json=written).raise_for_status()
             client.get(f"{where}/explanation?at=2026-01-31T12:00:00Z").raise_for_status()
             dry = {"map": "office", "declaration": rule}
             client.post("/rules/dry-run", json=dry).raise_for_status()
@@ -93,6 +101,7 @@ def test_every_endpoint_answers_as_published(service: Service) -> None:
         assert client.get(where).status_code == 404
     exercise_webhooks_and_jobs(service)
     exercise_tokens(service)
+    exercise_what_goes_on(service, database)
     client.delete("/maps/office").raise_for_status()
 
     succeeded = {name for name, status in service.seen if status < 300}
@@ -107,6 +116,14 @@ def exercise_tokens(service: Service) -> None:
     where = made.headers["location"]
     assert client.get("/tokens").json()["tokens"] == [client.get(where).json()]
     client.delete(where).raise_for_status()
+
+
+def exercise_what_goes_on(service: Service, database: str) -> None:
+    """A stream that does not end, of which its beginning is read; and a service that has a worker."""
+    with service.client.stream("GET", "/events/stream", params={"after": 0}) as response:
+        assert next(each for each in response.iter_lines() if each.startswith("event")) == "event: hello"
+    with running_worker(database):
+        service.until(lambda: service.client.get("/ready").status_code == 200)
 
 
 def exercise_webhooks_and_jobs(service: Service) -> None:
@@ -297,7 +314,7 @@ def test_a_wrong_method_is_told_the_right_ones(service: Service, method: str, pa
 
 
 def test_an_unknown_path_is_a_problem(service: Service) -> None:
-    response: httpx.Response = service.raw.get("/nothing")
+    response: httpx.Response = service.raw.get("/nothing", headers={"X-Request-ID": "mine-1"})
     assert response.headers["content-type"] == PROBLEM
     assert response.json() == {
         "type": "about:blank",
@@ -307,4 +324,5 @@ def test_an_unknown_path_is_a_problem(service: Service) -> None:
         "instance": "/nothing",
         "remedy": "See / for what there is.",
         "errors": [],
+        "request_id": "mine-1",
     }

@@ -46,6 +46,8 @@ def test_what_comes_after_an_event_that_was_given_up_is_tried_once() -> None:
         ("9" * 5000, 999_999_999),
         ("Sat, 31 Jan 2026 12:00:30", 30),
         ("٣", None),
+        ("Sat, 31 Jan 99999999999999999999 12:00:30 GMT", None),
+        ("Sat, 31 Jan 2026 12:00:30 +99999999999999999", None),
     ],
 )
 def test_what_a_receiver_asks_for(header: str | None, wait_s: float | None) -> None:

@@ -27,11 +27,11 @@ LIST = text("""
       union
       select m.map_id, c.name
       from semap.map m cross join semap.concept c where c.name = any (cast(:always as text[]))
-      union all
+      union
       select m.map_id, 'tracks' from semap.map m
-      union all
+      union
       select m.map_id, 'relations' from semap.map m
-      union all
+      union
       select m.map_id, 'events' from semap.map m
     )
     select m.map_id, m.name, n.name

@@ -116,6 +116,8 @@ export class Showing {
     this.live?.stop();
     this.live = null;
     this.pause();
+    this.ofMoment?.abort();
+    this.ofMoment = this.wantedMoment = null;
     this.now.clear();
     this.then.clear();
     this.history.clear();

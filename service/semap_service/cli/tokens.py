@@ -87,7 +87,7 @@ def revoke(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the token, or its id.")],
     dsn: Dsn = None,
 ) -> None:
-    """Let a token be of no use any more. Feeds that are open with it are closed within seconds."""
+    """Let a token be of no use any more. Its feeds and jobs are ended within seconds."""
     from semap.errors import NotFound  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.tokens import revoke_token, token_id_of  # noqa: PLC0415

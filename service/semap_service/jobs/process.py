@@ -85,7 +85,7 @@ class Watch:
     def _run(self) -> None:
         try:
             with acting_as(SYSTEM):
-                while not self._ended.wait(LOOK_S) and not self._is_to_stop():
+                while not self._ended.wait(LOOK_S) and not self.is_to_stop():
                     pass
             if not self._ended.is_set():
                 self._stop()
@@ -93,7 +93,8 @@ class Watch:
             log.exception("The job %s has lost its database", self._task.job_id)
             os._exit(1)
 
-    def _is_to_stop(self) -> bool:
+    def is_to_stop(self) -> bool:
+        """Ask the database, and tell it how far the job is."""
         if os.getppid() != self._task.service_pid:
             self.told = True
         if self.told:
@@ -154,7 +155,7 @@ def _do(task: Task, work: Engine, watch: Watch) -> None:
         log.exception("The job %s failed", task.job_id)
         problem = unexpected(task.job_id)
     watch.end()
-    if watch.stopping.is_set():
+    if watch.stopping.is_set() or (problem is not None and watch.is_to_stop()):
         end_stopped(task, work, told=watch.told)
     elif problem is not None:
         with transaction(work) as connection:

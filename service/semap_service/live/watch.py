@@ -58,6 +58,10 @@ class Watch:
                 log.warning("The live map %s waits for the database: %s", self._name, error)
                 await asyncio.sleep(RETRY_S)
                 continue
+            except Exception:
+                log.exception("The live map %s failed; it is looked at again", self._name)
+                await asyncio.sleep(RETRY_S)
+                continue
             if live is None:
                 self.closed = NotFound("map", self._name, "List the maps to see their names.")
                 self._wake()

@@ -9,6 +9,8 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from pydantic import BeforeValidator
+
 from semap.cql2 import Expression, check, parse
 from semap.errors import InvalidInput
 from semap.store.features.page import Box, Cursor, SortKey
@@ -19,6 +21,16 @@ from semap.timeline.stamp import require_usual
 OPEN = ("", "..")
 MOST_SORT_KEYS = 8
 AS_TEXT = "Give CQL2 JSON, or filter-lang=cql2-text."
+
+
+def at_most(largest: int) -> BeforeValidator:
+    """What asks for more gets as much as there is (OGC API Features, part 1, 7.15.2), and no error."""
+
+    def lowered(given: object) -> object:
+        text = str(given)
+        return largest if text.isascii() and text.isdigit() and int(text[:10]) > largest else given
+
+    return BeforeValidator(lowered)
 
 
 def boxes_of(given: str | None, system: System) -> tuple[Box, ...]:
@@ -78,10 +90,10 @@ def interval_of(given: str | None) -> tuple[datetime | None, datetime | None]:
 def stamp_of(given: str, where: str) -> datetime:
     """raises InvalidInput for what is no RFC 3339 stamp"""
     # In a query "+" stands for a space.
-    text = given.replace(" ", "+")
+    text = given.replace(" ", "+").upper()
     try:
         stamp = datetime.fromisoformat(text)
-        if stamp.tzinfo is None or "T" not in text.upper():
+        if stamp.tzinfo is None or "T" not in text:
             raise ValueError
         return require_usual(stamp.astimezone(UTC), where)
     except (ValueError, OverflowError) as error:
@@ -159,6 +171,7 @@ def read_cursor(given: str | None, order: str) -> Cursor | None:
     refused = InvalidInput("it is no place in this order", "Follow the links of a page.", "cursor")
     try:
         document = json.loads(base64.urlsafe_b64decode(given + "=" * (-len(given) % 4)))
+        json.dumps(document, ensure_ascii=False).encode()  # no half of a surrogate pair
     except (ValueError, binascii.Error, RecursionError) as error:
         raise refused from error
     match document:

@@ -28,6 +28,7 @@ router = APIRouter(tags=["events"])
 
 STREAM = "text/event-stream"
 HEADERS = {
+    "Content-Type": STREAM,  # always UTF-8, so that no charset is said
     "Cache-Control": "no-store, no-transform",
     "X-Accel-Buffering": "no",  # for nginx, which would keep messages back
 }
@@ -35,8 +36,6 @@ HEADERS = {
 
 class EventStream(Response):
     """An answer that goes on until its client has gone, the server stops, or what writes it is done."""
-
-    media_type = STREAM
 
     def __init__(self, write: Callable[[StreamOutlet], Awaitable[None]]) -> None:
         super().__init__(headers=HEADERS)

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
+from fastapi.responses import JSONResponse
 from pydantic import Field, TypeAdapter
 from starlette.requests import HTTPConnection, Request
 
@@ -16,7 +17,7 @@ from semap_service.asyncapi import asyncapi
 from semap_service.cloud_event import BATCH, CloudEventDocument, schema_url
 from semap_service.document import LARGEST_ID, Document, Limit, MapFilter, Name
 from semap_service.feed import Feed, Page, Selection
-from semap_service.feed.beginning import require_usable
+from semap_service.feed.beginning import begin
 from semap_service.feed.connection import Connection, lent
 from semap_service.feed.form import Envelope
 from semap_service.problem import problems
@@ -29,7 +30,6 @@ LONGEST_WAIT_S = 60
 LONGEST_SEARCH_S = 2.0
 """How long one request looks for the first event that a filter takes."""
 SCHEMA = "application/schema+json"
-ASYNCAPI = "application/json"
 
 REFERENCES = "#/components/schemas/{model}"
 
@@ -37,6 +37,18 @@ EnvelopeName = Annotated[
     Literal["cloudevents"] | None,
     Query(description="Give each event as a CloudEvents 1.0 object (JSON format)."),
 ]
+
+
+class AsyncApiDocument(Document):
+    """A description of feeds (AsyncAPI 3.0)."""
+
+    asyncapi: Literal["3.0.0"]
+    info: dict[str, Any]
+    defaultContentType: str
+    servers: dict[str, Any]
+    channels: dict[str, Any]
+    operations: dict[str, Any]
+    components: dict[str, Any]
 
 
 class EventList(Document):
@@ -103,7 +115,7 @@ async def list_events(
     /events/feed, with the same parameters; /asyncapi.json describes these.
     """
     feed: Feed = request.app.state.feed
-    await feed.ask(partial(require_usable, database, wanted))
+    await feed.ask(partial(begin, database, after, wanted))
     with feed.following("poll"):
         page = await _first_found(feed, after, limit, wanted, wait, lent(request))
     written = envelope_of(envelope, request)
@@ -140,13 +152,12 @@ def get_event_schema(request: Request) -> Response:
 @router.get(
     "/asyncapi.json",
     operation_id="get_asyncapi",
-    responses={200: {"content": {ASYNCAPI: {"schema": {"type": "object"}}}}, **problems()},
-    response_class=Response,
+    response_model=AsyncApiDocument,
+    responses=problems(),
 )
 def get_asyncapi(request: Request) -> Response:
     """What the feeds send (AsyncAPI 3.0)."""
-    document = asyncapi(request.url.netloc, secure=request.url.scheme == "https")
-    return Response(TypeAdapter(dict[str, Any]).dump_json(document), media_type=ASYNCAPI)
+    return JSONResponse(asyncapi(request.url.netloc, secure=request.url.scheme == "https"))
 
 
 async def _first_found(

@@ -27,6 +27,7 @@ from semap_service.ogc.document import (
     TemporalExtent,
 )
 from semap_service.ogc.links import add_headers, address, collection_links, same_with
+from semap_service.ogc.parameters import at_most
 from semap_service.ogc.route import OgcRoute
 from semap_service.transaction import Database, transaction
 
@@ -62,7 +63,7 @@ def list_all(
     request: Request,
     response: Response,
     database: Database,
-    limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many.")] = 1000,
+    limit: Annotated[int, Query(ge=1, le=10_000, description="At most so many."), at_most(10_000)] = 1000,
     offset: Offset = 0,
     f: Format = None,
 ) -> Collections:

@@ -48,7 +48,9 @@ def list_features(
     request: Request,
     database: Database,
     collectionId: CollectionId,
-    limit: Annotated[int, Query(ge=1, le=LARGEST_PAGE, description="At most so many.")] = 100,
+    limit: Annotated[
+        int, Query(ge=1, le=LARGEST_PAGE, description="At most so many."), parameters.at_most(LARGEST_PAGE)
+    ] = 100,
     offset: Annotated[
         int | None, Query(ge=0, le=10_000_000, description="Leave out so many at the beginning.")
     ] = None,

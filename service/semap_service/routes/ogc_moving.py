@@ -34,7 +34,7 @@ from semap_service.ogc.moving_document import (
     ValueSequence,
 )
 from semap_service.ogc.moving_feature import GREGORIAN
-from semap_service.ogc.parameters import interval_of, stamp_of
+from semap_service.ogc.parameters import at_most, interval_of, stamp_of
 from semap_service.ogc.route import OgcRoute
 from semap_service.ogc.trajectory import LONGEST_PIECE, UNITS, Piece, Quantity
 from semap_service.routes.ogc_collections import CollectionId, Format
@@ -47,7 +47,9 @@ MOST_LEAVES = 100
 LONGEST_ID = 20
 
 Pieces = Annotated[
-    int, Query(ge=1, le=50, description=f"At most so many pieces, each of up to {LONGEST_PIECE} states.")
+    int,
+    Query(ge=1, le=50, description=f"At most so many pieces, each of up to {LONGEST_PIECE} states."),
+    at_most(50),
 ]
 During = Annotated[
     str | None, Query(max_length=100, description="A time, or an interval that it meets (RFC 3339).")
@@ -83,7 +85,7 @@ class _Asked:
     track_id: int
     start: datetime | None
     end: datetime | None
-    leaves: tuple[datetime, ...]
+    leaves: tuple[datetime, ...] | None
     cuts: bool
 
 
@@ -126,7 +128,7 @@ def list_temporal_geometries(
     return TemporalGeometrySequence(
         type="TemporalGeometrySequence",
         geometrySequence=[
-            _moving_point(piece, places, "Discrete" if asked.leaves else "Linear")
+            _moving_point(piece, places, "Linear" if asked.leaves is None else "Discrete")
             for piece, places in zip(found, coordinates, strict=True)
         ],
         crs=NamedSystem(type="Name", properties={"name": uri}),
@@ -304,7 +306,7 @@ def _asked(
         raise InvalidInput("it needs an interval with both ends", "Give datetime=from/to.", "subTrajectory")
     if cuts and leaf is not None:
         raise InvalidInput("a leaf beside it", "Give one of them.", "subTrajectory")
-    leaves: tuple[datetime, ...] = ()
+    leaves: tuple[datetime, ...] | None = None
     if leaf is not None:
         leaves = tuple(stamp_of(each, "leaf") for each in leaf.split(","))
         if len(leaves) > MOST_LEAVES or list(leaves) != sorted(set(leaves)):
@@ -316,14 +318,14 @@ def _asked(
         leaves = tuple(
             each for each in leaves if (start is None or each >= start) and (end is None or each <= end)
         )
-    return _Asked(_track_id(connection, collection, feature_id), start, end, leaves if leaf else (), cuts)
+    return _Asked(_track_id(connection, collection, feature_id), start, end, leaves, cuts)
 
 
 def _read(
     connection: Connection, asked: _Asked, limit: int, after: str | None
 ) -> tuple[list[Piece], datetime | None]:
     """Pieces of a way, and the stamp of the one after them, None where there is none."""
-    if asked.leaves:
+    if asked.leaves is not None:
         places = (
             trajectory.between(before, next_, stamp)
             for stamp, before, next_ in states_around(connection, asked.track_id, asked.leaves)

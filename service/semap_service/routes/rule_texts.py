@@ -122,7 +122,7 @@ def get_rule_text(
     return Response(write_rule(name, declaration), media_type=YAML)
 
 
-@router.get("/rule-templates", operation_id="list_rule_templates")
+@router.get("/rule-templates", operation_id="list_rule_templates", responses=problems())
 def list_rule_templates() -> RuleTemplateList:
     """Ready rules for what is often asked."""
     return RuleTemplateList(

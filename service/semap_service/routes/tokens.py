@@ -106,7 +106,7 @@ def get_token(database: Database, id: SmallId) -> TokenDocument:  # noqa: A002
 
 @router.delete("/tokens/{id}", operation_id="revoke_token", status_code=204, responses=problems(404))
 def revoke_token(database: Database, request: HTTPRequest, id: SmallId) -> None:  # noqa: A002
-    """Let a token be of no use any more; feeds that are open with it are closed within seconds."""
+    """Let a token be of no use any more; its feeds and jobs are ended within seconds."""
     with transaction(database) as connection:
         tokens.revoke_token(connection, id)
     request.app.state.known_tokens.forget(id)

@@ -31,14 +31,15 @@ from semap_service.document import (
     Stamp,
     next_after,
 )
+from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.feed import Selection
 from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.transaction import Database, Edit, transaction
 from semap_service.webhooks.address import LONGEST_URL, require_url
 from semap_service.webhooks.deliverer import Deliverer
 from semap_service.webhooks.signature import new_secret, shown
 
-router = APIRouter(tags=["webhooks"])
+router = APIRouter(tags=["webhooks"], route_class=TaggedRoute)
 
 LONGEST_KEEP = timedelta(days=7)
 COLUMNS = {"type": "event_type", "rule": "rule_name"}
@@ -190,13 +191,13 @@ class ResendDocument(Document):
     requested: int = Field(description="How many are to be sent again.")
 
 
-@router.get("/webhooks", operation_id="list_webhooks", responses=problems())
+@router.get("/webhooks", operation_id="list_webhooks", responses=reads())
 def list_webhooks(database: Database, limit: Limit = 100, after: After = 0) -> WebhookList:
     """All webhooks, in the order of their ids."""
     with transaction(database) as connection:
         found = webhooks.list_webhooks(connection, after=after, limit=limit)
     return WebhookList(
-        webhooks=[WebhookDocument(**_fields(each)) for each in found],
+        webhooks=[_document(each) for each in found],
         next=next_after([each.webhook_id for each in found], limit),
     )
 
@@ -219,33 +220,36 @@ def create(
     return WebhookWithSecret(**_fields(made), secret=shown(secret))
 
 
-@router.get("/webhooks/{id}", operation_id="get_webhook", responses=problems(404))
+@router.get("/webhooks/{id}", operation_id="get_webhook", responses=reads(404))
 def get(database: Database, id: SmallId) -> WebhookDocument:  # noqa: A002
-    """A webhook, and how its deliveries go."""
+    """A webhook, and how its deliveries go. Its ETag changes with each of them."""
     with transaction(database) as connection:
-        return WebhookDocument(**_fields(webhooks.get_webhook(connection, id)))
+        return _document(webhooks.get_webhook(connection, id))
 
 
-@router.patch("/webhooks/{id}", operation_id="change_webhook", responses=problems(404))
+@router.patch("/webhooks/{id}", operation_id="change_webhook", responses=edits(404))
 def change(
     request: HttpRequest,
-    database: Database,
+    edit: Edit,
     id: SmallId,  # noqa: A002
     changes: WebhookChanges,
 ) -> WebhookDocument:
-    """Change a webhook, pause it, or make it active again."""
+    """Change a webhook, pause it, or make it active again.
+
+    If-Match also names how its deliveries go: what is sent meanwhile makes it another state.
+    """
     values = changes.model_dump(exclude_unset=True)
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _held(connection, id)) as connection:
         webhooks.change_webhook(connection, id, _columns(request, connection, values))
         changed = webhooks.get_webhook(connection, id)
     _deliverer(request).wake_soon()
-    return WebhookDocument(**_fields(changed))
+    return _document(changed)
 
 
-@router.delete("/webhooks/{id}", operation_id="delete_webhook", status_code=204, responses=problems(404))
-def delete(request: HttpRequest, database: Database, id: SmallId) -> None:  # noqa: A002
+@router.delete("/webhooks/{id}", operation_id="delete_webhook", status_code=204, responses=edits(404))
+def delete(request: HttpRequest, edit: Edit, id: SmallId) -> None:  # noqa: A002
     """Delete a webhook with its dead letters; nothing more is sent."""
-    with transaction(database) as connection:
+    with edit.begin(lambda connection: _held(connection, id)) as connection:
         webhooks.delete_webhook(connection, id)
     _deliverer(request).wake_soon()
 
@@ -273,7 +277,7 @@ async def ping(request: HttpRequest, database: Database, id: SmallId) -> PingDoc
     )
 
 
-@router.get("/webhooks/{id}/dead-letters", operation_id="list_dead_letters", responses=problems(404))
+@router.get("/webhooks/{id}/dead-letters", operation_id="list_dead_letters", responses=reads(404))
 def list_dead_letters(
     database: Database,
     id: SmallId,  # noqa: A002
@@ -360,6 +364,16 @@ def _line(database: Database, webhook_id: int) -> Line:
 def _deliverer(request: HttpRequest) -> Deliverer:
     deliverer: Deliverer = request.app.state.webhooks
     return deliverer
+
+
+def _held(connection: Connection, webhook_id: int) -> WebhookDocument:
+    """It as it stays until the transaction ends, also for the deliverer, which takes no other lock."""
+    webhooks.hold_webhook(connection, webhook_id)
+    return _document(webhooks.get_webhook(connection, webhook_id))
+
+
+def _document(found: webhooks.Webhook) -> WebhookDocument:
+    return WebhookDocument(**_fields(found))
 
 
 def _fields(found: webhooks.Webhook) -> dict[str, Any]:

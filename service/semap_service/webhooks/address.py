@@ -61,7 +61,7 @@ def resolved(host: str, port: int, *, allow_private: bool) -> tuple[str, ...]:
 def is_public(address: IPv4Address | IPv6Address) -> bool:
     """Whether it is an address of the internet, also by what is wrapped in it."""
     if isinstance(address, IPv6Address):
-        if address.scope_id is not None:
+        if address.scope_id is not None or address.is_site_local:
             return False
         wrapped = address.ipv4_mapped or address.sixtofour
         if address in NAT64:

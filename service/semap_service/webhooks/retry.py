@@ -47,7 +47,7 @@ def asked_wait_s(header: str | None, now: datetime) -> float | None:
         return float(text[:9])
     try:
         due = parsedate_to_datetime(text)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
     due = due if due.tzinfo is not None else due.replace(tzinfo=UTC)
     return max((due - now).total_seconds(), 0.0)

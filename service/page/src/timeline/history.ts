@@ -118,17 +118,25 @@ export class History {
       this.listOf(this.stays, room, () => []).push(stay);
       open.set(room, stay);
     }
+    if (open.size === 0) this.open.delete(trackId);
   }
 
   /** Forgets what was over before a moment, where there is too much of it. */
   forget(before: number): void {
-    if (this.loaded === null || this.events.length < MOST_KEPT || before <= this.loaded.from) return;
+    if (this.loaded === null || before <= this.loaded.from || this.size() < MOST_KEPT) return;
     this.loaded = { from: before, to: Math.max(before, this.loaded.to) };
     const gone = this.events.splice(0, firstAt(this.events, before));
     for (const { event } of gone) this.known.delete(event.event_id);
     const lasts = (each: { to: number | null }): boolean => each.to === null || each.to >= before;
     for (const [id, stays] of this.stays) this.stays.set(id, stays.filter(lasts));
     for (const [id, positions] of this.positions) this.positions.set(id, positions.filter(lasts));
+  }
+
+  /** How much it holds; a map without rules has no events, and stays all the same. */
+  private size(): number {
+    let size = this.events.length;
+    for (const lists of [this.stays, this.positions]) for (const list of lists.values()) size += list.length;
+    return size;
   }
 
   /** It is known up to a moment. */
