@@ -10,8 +10,8 @@ from semap.cluster import Cluster
 from semap.store.database import connect
 from semap.store.schema import ensure_slot, migrate
 
-# The same examples in each run, so that a change is judged by itself; `./dev test --all` looks for new ones.
-settings.register_profile("steady", derandomize=True)
+# The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
+settings.register_profile("steady", derandomize=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 

@@ -100,8 +100,8 @@ def _translation(error: psycopg.Error, parameters: object = None) -> SemapError:
     remedy = error.diag.message_hint or ""
     match error:
         case errors.UniqueViolation():
-            taken = error.diag.message_detail or _taken(error, parameters)
-            return Conflict(taken, remedy or "Choose another name.")
+            said = error.diag.message_detail if error.diag.constraint_name else message
+            return Conflict(said or _taken(error, parameters), remedy or "Choose another name.")
         case errors.ForeignKeyViolation():
             return Conflict(error.diag.message_detail or message, remedy)
         case errors.NoDataFound():

@@ -52,7 +52,8 @@ def served(page_database: str) -> Iterator[Served]:
         running.stop()
 
 
-@pytest.fixture(scope="session")
+# Not for the whole run: while it is open, asyncio has a running loop, which other tests must not meet.
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as driver:
