@@ -42,8 +42,8 @@ IS_THERE = text("select exists (select from semap.map where map_id = :map_id)")
 
 
 @dataclass(frozen=True, slots=True)
-class LiveTrack:
-    """Somebody on the map now, in its frame; rooms: ids of the instances that it is in."""
+class ShownTrack:
+    """Somebody on a map, in its frame, as seen last; rooms: ids of the instances that it is in."""
 
     track_id: int
     name: str
@@ -60,7 +60,7 @@ class LiveTrack:
 
 
 @dataclass(frozen=True, slots=True)
-class LiveDoor:
+class ShownDoor:
     """How a door stands, as it was last seen; `unknown` where it was not."""
 
     instance_id: int
@@ -73,8 +73,8 @@ class LiveDoor:
 class LiveMap:
     """What is on a map now, and the newest event and change of the map by then; 0 where there was none."""
 
-    tracks: Mapping[int, LiveTrack]
-    doors: Mapping[int, LiveDoor]
+    tracks: Mapping[int, ShownTrack]
+    doors: Mapping[int, ShownDoor]
     event_cursor: int
     change_set: int
 
@@ -87,9 +87,9 @@ def live_map(connection: Connection, map_id: int) -> LiveMap | None:
             return None
         # Numbers first: what is committed meanwhile is then told once more, and never left out.
         change_set, event_cursor = connection.scalar(CHANGE_SET, wanted), newest_event(connection)
-        tracks = (LiveTrack(*[*known, tuple(rooms)]) for *known, rooms in connection.execute(TRACKS, wanted))
+        tracks = (ShownTrack(*[*known, tuple(rooms)]) for *known, rooms in connection.execute(TRACKS, wanted))
         doors = (
-            LiveDoor(instance_id, name, state or UNKNOWN, since)
+            ShownDoor(instance_id, name, state or UNKNOWN, since)
             for instance_id, name, state, since in connection.execute(DOORS, wanted)
         )
         return LiveMap(

@@ -14,11 +14,11 @@ from typing import Any
 from sqlalchemy import Connection, text
 
 from semap.store.database import translated
+from semap.store.live import UNKNOWN, ShownDoor, ShownTrack
 from semap.store.maps import map_id_of
 from semap.store.track_history import STATES
 
 MOST_TRAIL_POINTS = 200
-UNKNOWN = "unknown"
 
 STAYING = text("""
     select track_id, array_agg(distinct instance_id), min(since)
@@ -101,38 +101,14 @@ FIRST_STATE = text("select semap.first_state_of_map(:map_id, :look)")
 EARLIEST_STATES = 10_000
 
 
-@dataclass(frozen=True)
-class PastTrack:
-    """A track as it was seen last by a moment, in the map frame.
+@dataclass(frozen=True, slots=True)
+class PastTrack(ShownTrack):
+    """A track as it was seen last by a moment.
 
-    rooms  ids of the instances that it was in
     trail  x [m], y [m] and time [s, at most 0, from the moment on] of each state, the oldest first
     """
 
-    track_id: int
-    name: str
-    stamp: datetime
-    x_m: float
-    y_m: float
-    z_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    std_m: float | None
-    ended: bool
     trail: list[list[float]]
-    rooms: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class PastDoor:
-    """How a door stood; `unknown` where nobody had said."""
-
-    instance_id: int
-    name: str
-    state: str
-    since: datetime | None
 
 
 @dataclass(frozen=True)
@@ -145,7 +121,7 @@ class Moment:
     """
 
     tracks: tuple[PastTrack, ...]
-    doors: tuple[PastDoor, ...]
+    doors: tuple[ShownDoor, ...]
     occupants: Mapping[int, int]
     event_cursor: int
     change_set: int
@@ -200,10 +176,12 @@ def moment(
         doors = connection.execute(DOORS, asked).all()
         event_cursor, change_set = connection.execute(CURSORS, asked).one()
     least = _before(at, within_s)
+    shown = sorted((row for row in seen.values() if not row.ended), key=lambda row: int(row.track_id))
     tracks = tuple(
-        PastTrack(*[*row, tuple(staying.get(row.track_id, ((), at))[0])])
-        for row in sorted(seen.values(), key=lambda row: int(row.track_id))
-        if not row.ended and (row.stamp >= least or row.track_id in staying)
+        PastTrack(*(*known, tuple(staying.get(row.track_id, ((), at))[0]), trail))
+        for row in shown
+        if row.stamp >= least or row.track_id in staying
+        for *known, _, trail in [row]
     )
     occupants: dict[int, int] = {}
     for rooms, _ in staying.values():
@@ -211,7 +189,7 @@ def moment(
             occupants[instance_id] = occupants.get(instance_id, 0) + 1
     return Moment(
         tracks,
-        tuple(PastDoor(id_, name, state or UNKNOWN, since) for id_, name, state, since in doors),
+        tuple(ShownDoor(id_, name, state or UNKNOWN, since) for id_, name, state, since in doors),
         dict(sorted(occupants.items())),
         event_cursor,
         change_set,

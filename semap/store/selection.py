@@ -9,6 +9,7 @@ from sqlalchemy import (
     ColumnElement,
     Connection,
     Double,
+    FromClause,
     Select,
     String,
     and_,
@@ -124,28 +125,26 @@ def _is_a(name: str) -> ColumnElement[bool]:
     return instance.c.concept_id.in_(select(below))
 
 
-_WITH_ALL = (
-    instance.join(concept, concept.c.concept_id == instance.c.concept_id)
-    .outerjoin(STOREY, STOREY.c.instance_id == instance.c.storey_id)
-    # absolute_description_id is unique: what a filter does not ask for is not joined, and what it asks for
-    # is found by the partial indexes on absolute abstractions
-    .outerjoin(
-        FOOTPRINT,
-        and_(
-            FOOTPRINT.c.description_id == instance.c.absolute_description_id,
-            FOOTPRINT.c.type == text("'Footprint'"),
-            FOOTPRINT.c.instance_id.is_not(None),
-        ),
-    )
-    .outerjoin(
-        POSITION,
-        and_(
-            POSITION.c.description_id == instance.c.absolute_description_id,
-            POSITION.c.type == text("'Position2D'"),
-            POSITION.c.instance_id.is_not(None),
-        ),
-    )
-)
+def with_shapes(rows: FromClause) -> FromClause:
+    """Instances with their storey, footprint and position beside them.
+
+    absolute_description_id is unique: what a filter does not ask for is not joined, and what it asks for
+    is found by the partial indexes on absolute abstractions.
+    """
+    rows = rows.outerjoin(STOREY, STOREY.c.instance_id == instance.c.storey_id)
+    for shape, kind in ((FOOTPRINT, "Footprint"), (POSITION, "Position2D")):
+        rows = rows.outerjoin(
+            shape,
+            and_(
+                shape.c.description_id == instance.c.absolute_description_id,
+                shape.c.type == text(f"'{kind}'"),
+                shape.c.instance_id.is_not(None),
+            ),
+        )
+    return rows
+
+
+_WITH_ALL = with_shapes(instance.join(concept, concept.c.concept_id == instance.c.concept_id))
 
 INSTANCE = Thing(
     kinds={

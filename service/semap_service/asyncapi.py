@@ -9,7 +9,7 @@ from pydantic.json_schema import models_json_schema
 
 from semap import __version__
 from semap_service.feed.message import CloudEvents, Events, Failure, Heartbeat, Hello, TooSlow
-from semap_service.live.picture import Delta, LiveHeartbeat, Snapshot
+from semap_service.live.document import Delta, LiveHeartbeat, Snapshot
 
 JSON = "application/json"
 SCHEMAS = "#/components/schemas/{model}"

@@ -158,7 +158,8 @@ class Service:
             " select seq, gen_random_uuid(), map_id, 'room_visits', 1, %(kind)s, %(stamp)s, 'moved',"
             " 3, 'person', 7, 'Room07', %(stamp)s"
             " from semap.map, generate_series(%(first)s::int, %(last)s::int) seq where name = %(map)s"
-            " returning 1) select pg_notify('semap_event', '') from (select count(*) from made) done",
+            " returning 1), known as (update semap.progress set event_seq = greatest(event_seq, %(last)s::int))"
+            " select pg_notify('semap_event', '') from (select count(*) from made) done",
             {"kind": kind, "stamp": START, "first": first, "last": first + count - 1, "map": map_name},
         )
 

@@ -12,7 +12,7 @@ from following import narrow
 from jsonschema import Draft202012Validator
 from running import START, Service
 from semap_service.document import rfc3339
-from semap_service.live.picture import Delta, LiveHeartbeat, Snapshot
+from semap_service.live.document import Delta, LiveHeartbeat, Snapshot
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -32,7 +32,8 @@ class Drawn:
     def __init__(self, socket) -> None:
         self.socket = socket
         self.deltas = 0
-        first = self.next()
+        while (first := self.next())["type"] == "heartbeat":
+            pass  # the first look takes its time on a busy machine
         assert first["type"] == "snapshot"
         self.tracks = {each["track_id"]: each for each in first["tracks"]}
         self.doors = {each["instance_id"]: each for each in first["doors"]}

@@ -8,7 +8,7 @@ from uuid import UUID
 
 import pytest
 import shapely
-from rule_work import await_event_of, await_events, lose_slot, running_worker
+from rule_work import await_event_of, await_events, await_events_of, lose_slot, running_worker
 from world import SECOND_US, World
 
 from semap.errors import Conflict, ServerUnavailable, SlotLost
@@ -201,8 +201,8 @@ def test_a_map_deleted_and_made_again_while_no_worker_ran(world: World) -> None:
     again.add_room("kitchen", ROOM)
     visit(again, "ann", 10)
     with running_worker(world.dsn):
-        log = await_events(world.dsn, 2)
-    assert [row[4] for row in log] == ["ann", "ann"]
+        log = await_events_of(world.dsn, again.map_id, 2)
+    assert [row[5] for row in log] == ["ann", "ann"]
     assert world.rows("select distinct map_id from semap.event") == [(again.map_id,)]
     again.close()
 

@@ -28,7 +28,7 @@ from sqlalchemy import (
 from semap.cql2 import Kind
 from semap.store.cql2_sql import Thing
 from semap.store.features.collection import Collection
-from semap.store.selection import FOOTPRINT, INSTANCE, POSITION, STOREY
+from semap.store.selection import FOOTPRINT, INSTANCE, POSITION, with_shapes
 from semap.store.tables import (
     STAMP,
     concept,
@@ -103,9 +103,8 @@ def _point(x_m: Sql, y_m: Sql, z_m: Sql) -> Sql:
 
 
 def _of_instance(name: str, instance_id: Sql) -> Sql:
-    below = func.semap.concepts_below(func.semap.concept_named(name)).column_valued("concept_id")
     of_concept = select(instance.c.instance_id).where(
-        instance.c.instance_id == instance_id, instance.c.concept_id.in_(select(below))
+        instance.c.instance_id == instance_id, INSTANCE.is_a(name)
     )
     return of_concept.exists()
 
@@ -115,24 +114,7 @@ _LOW = func.coalesce(FOOTPRINT.c.z_min_m, POSITION.c.z_min_m)
 _HIGH = func.coalesce(FOOTPRINT.c.z_max_m, POSITION.c.z_max_m)
 _INSTANCES = Source(
     # outer joins throughout, so that what is not asked for is not joined
-    rows=instance.outerjoin(concept, concept.c.concept_id == instance.c.concept_id)
-    .outerjoin(STOREY, STOREY.c.instance_id == instance.c.storey_id)
-    .outerjoin(
-        FOOTPRINT,
-        and_(
-            FOOTPRINT.c.description_id == instance.c.absolute_description_id,
-            FOOTPRINT.c.type == text("'Footprint'"),
-            FOOTPRINT.c.instance_id.is_not(None),
-        ),
-    )
-    .outerjoin(
-        POSITION,
-        and_(
-            POSITION.c.description_id == instance.c.absolute_description_id,
-            POSITION.c.type == text("'Position2D'"),
-            POSITION.c.instance_id.is_not(None),
-        ),
-    ),
+    rows=with_shapes(instance.outerjoin(concept, concept.c.concept_id == instance.c.concept_id)),
     where=false(),
     keys={"id": instance.c.instance_id},
     thing=Thing(

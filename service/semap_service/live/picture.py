@@ -7,78 +7,12 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import TypeAdapter
 
-from semap.store.live import LiveMap, LiveTrack
-from semap_service.document import Document, Stamp, rfc3339
-
-
-class LiveTrackDocument(Document):
-    """Someone or something, as it was seen last."""
-
-    track_id: int
-    name: str = Field(examples=["person 3"])
-    stamp: Stamp
-    x_m: float
-    y_m: float
-    z_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    cov_xx_m2: float | None = Field(description="Covariance of its place; null where it is not known.")
-    cov_xy_m2: float | None
-    cov_yy_m2: float | None
-    rooms: list[int] = Field(description="Ids of the instances that it is in.")
-    ended: bool = Field(description="False: what has ended is `gone`.")
-
-
-class LiveDoorDocument(Document):
-    """How a door stands."""
-
-    instance_id: int
-    name: str = Field(examples=["Door07"])
-    state: str = Field(description="open, closed, opening, closing, or unknown.", examples=["open"])
-    since: Stamp | None
-
-
-class Snapshot(Document):
-    """All that is on the map now."""
-
-    type: Literal["snapshot"] = "snapshot"
-    stamp: Stamp | None = Field(description="The newest of the stamps; null where nothing was seen yet.")
-    tracks: list[LiveTrackDocument]
-    doors: list[LiveDoorDocument]
-    rooms: dict[str, int] = Field(description="How many tracks are in each instance, by its id; 0 left out.")
-    event_cursor: int = Field(description="Number of the newest event by then; 0 where there was none.")
-    change_set: int = Field(description="The newest change of the map; 0 where there was none.")
-
-
-class Delta(Document):
-    """What is otherwise than in the message before."""
-
-    model_config = ConfigDict(json_schema_serialization_defaults_required=False)
-
-    type: Literal["delta"]
-    stamp: Stamp | None
-    tracks: list[LiveTrackDocument] = Field(description="Those that are new, or have changed.")
-    gone: list[int] = Field(description="Ids of tracks that are on the map no more.")
-    doors: list[LiveDoorDocument]
-    rooms: dict[str, int] = Field(description="Instances whose number has changed; 0: nobody is in it now.")
-    change_set: int = Field(
-        default=0, description="Only where the map was changed: read what you need of it again."
-    )
-
-
-class LiveHeartbeat(Document):
-    """Nothing has changed for a while; the connection is alive."""
-
-    type: Literal["heartbeat"] = "heartbeat"
-
-
-LiveMessage = Snapshot | Delta | LiveHeartbeat
+from semap.store.live import LiveMap
+from semap_service.document import rfc3339
+from semap_service.live.document import ShownDoorDocument, ShownTrackDocument, track_values
 
 
 @dataclass(frozen=True)
@@ -105,13 +39,13 @@ def picture_of(live: LiveMap, before: Picture | None = None) -> Picture:
     tracks = {
         track_id: before.tracks[track_id]
         if before is not None and before.live.tracks.get(track_id) == track
-        else _TRACK.dump_json(_track(track))
+        else _TRACK.dump_json(ShownTrackDocument(**track_values(track)))
         for track_id, track in live.tracks.items()
     }
     doors = {
         instance_id: before.doors[instance_id]
         if before is not None and before.live.doors.get(instance_id) == door
-        else _DOOR.dump_json(LiveDoorDocument.model_validate(door))
+        else _DOOR.dump_json(ShownDoorDocument.model_validate(door))
         for instance_id, door in live.doors.items()
     }
     stamps = [
@@ -172,27 +106,6 @@ def delta(before: Picture, now: Picture) -> bytes:
     return b"".join(parts)
 
 
-def _track(track: LiveTrack) -> LiveTrackDocument:
-    variance_m2 = None if track.std_m is None else track.std_m**2
-    return LiveTrackDocument(
-        track_id=track.track_id,
-        name=track.name,
-        stamp=track.stamp,
-        x_m=track.x_m,
-        y_m=track.y_m,
-        z_m=track.z_m,
-        heading_rad=track.heading_rad,
-        speed_mps=track.speed_mps,
-        length_m=track.length_m,
-        width_m=track.width_m,
-        cov_xx_m2=variance_m2,
-        cov_xy_m2=None if variance_m2 is None else 0.0,
-        cov_yy_m2=variance_m2,
-        rooms=list(track.rooms),
-        ended=False,
-    )
-
-
 def _stamp(picture: Picture) -> bytes:
     return b"null" if picture.stamp is None else b'"%b"' % rfc3339(picture.stamp).encode()
 
@@ -201,5 +114,5 @@ def _rooms(rooms: Mapping[int, int]) -> bytes:
     return json.dumps({str(room): count for room, count in rooms.items()}, separators=(",", ":")).encode()
 
 
-_TRACK = TypeAdapter(LiveTrackDocument)
-_DOOR = TypeAdapter(LiveDoorDocument)
+_TRACK = TypeAdapter(ShownTrackDocument)
+_DOOR = TypeAdapter(ShownDoorDocument)

@@ -17,7 +17,8 @@ from semap_service.access.caller import SYSTEM, acting_as
 from semap_service.feed.form import text_frame
 from semap_service.feed.outlet import Outlet
 from semap_service.feed.subscription import Pace
-from semap_service.live.picture import LiveHeartbeat, Picture, delta, picture_of, snapshot
+from semap_service.live.document import LiveHeartbeat
+from semap_service.live.picture import Picture, delta, picture_of, snapshot
 from semap_service.transaction import transaction
 
 log = logging.getLogger(__name__)

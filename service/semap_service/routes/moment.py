@@ -11,6 +11,7 @@ from pydantic import Field
 from semap.errors import InvalidInput
 from semap.store import events, moment
 from semap_service.document import Document, InStamp, Stamp
+from semap_service.live.document import ShownDoorDocument, ShownTrackDocument, track_values
 from semap_service.problem import problems
 from semap_service.routes.event_document import EventDocument, event_document
 from semap_service.transaction import Database, transaction
@@ -20,36 +21,12 @@ router = APIRouter(tags=["history"])
 From = Annotated[InStamp, Query(alias="from", description="The earlier moment (RFC 3339).")]
 
 
-class PastTrackDocument(Document):
-    """Someone or something, as it was seen last by the moment."""
+class PastTrackDocument(ShownTrackDocument):
+    """Someone or something, as it was seen last by the moment, and how it came there."""
 
-    track_id: int
-    name: str = Field(examples=["person 3"])
-    stamp: Stamp = Field(description="When it was seen.")
-    x_m: float
-    y_m: float
-    z_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    cov_xx_m2: float | None = Field(description="Covariance of its place; null where it is not known.")
-    cov_xy_m2: float | None
-    cov_yy_m2: float | None
-    rooms: list[int] = Field(description="Ids of the instances that it was in.")
-    ended: bool = Field(description="False: what had ended by then is left out.")
     trail: list[list[float]] = Field(
         description="x [m], y [m] and time [s, at most 0, from the moment on] of where it was, oldest first."
     )
-
-
-class PastDoorDocument(Document):
-    """How a door stood."""
-
-    instance_id: int
-    name: str = Field(examples=["Door07"])
-    state: str = Field(description="open, closed, opening, closing, or unknown.", examples=["open"])
-    since: Stamp | None
 
 
 class MomentDocument(Document):
@@ -58,7 +35,7 @@ class MomentDocument(Document):
     type: Literal["snapshot"]
     stamp: Stamp
     tracks: list[PastTrackDocument]
-    doors: list[PastDoorDocument]
+    doors: list[ShownDoorDocument]
     rooms: dict[str, int] = Field(description="How many tracks were in each instance, by its id.")
     event_cursor: int = Field(description="Number of the newest event by then; 0 where there was none.")
     change_set: int = Field(description="The newest change of the map until now; 0 where there was none.")
@@ -138,8 +115,8 @@ def get_moment(
     return MomentDocument(
         type="snapshot",
         stamp=at,
-        tracks=[_track_document(each) for each in then.tracks],
-        doors=[PastDoorDocument.model_validate(each) for each in then.doors],
+        tracks=[PastTrackDocument(**track_values(each), trail=each.trail) for each in then.tracks],
+        doors=[ShownDoorDocument.model_validate(each) for each in then.doors],
         rooms={str(instance_id): count for instance_id, count in then.occupants.items()},
         event_cursor=then.event_cursor,
         change_set=then.change_set,
@@ -185,18 +162,6 @@ def get_extent(database: Database, name: str) -> ExtentDocument:
 def _require_order(start: datetime, end: datetime) -> None:
     if end < start:
         raise InvalidInput("it is before `from`", "Give the earlier moment first.", "to")
-
-
-def _track_document(track: moment.PastTrack) -> PastTrackDocument:
-    values = {name: getattr(track, name, None) for name in PastTrackDocument.model_fields}
-    variance_m2 = None if track.std_m is None else track.std_m**2
-    values |= {
-        "rooms": list(track.rooms),
-        "cov_xx_m2": variance_m2,
-        "cov_xy_m2": None if variance_m2 is None else 0.0,
-        "cov_yy_m2": variance_m2,
-    }
-    return PastTrackDocument.model_validate(values)
 
 
 def _rooms(stays: tuple[moment.Stay, ...]) -> list[RoomTimeline]:
