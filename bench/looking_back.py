@@ -54,7 +54,7 @@ LEAVE = (
     from generate_series(0, %(ticks)s::bigint / 600 - 1) minute cross join semap.track t
     cross join (values ('began'), ('ended')) k (kind)
     """,
-    "update semap.track_now set live = true, stamp = %(end)s, x_m = 0, y_m = 0",
+    "update semap.track_now set live = true, first_stamp = %(start)s, stamp = %(end)s, x_m = 0, y_m = 0",
 )
 
 

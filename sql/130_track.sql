@@ -66,6 +66,9 @@ begin
   end if;
   if v_late > 0 then
     update semap.source set late_states = late_states + v_late where source_id = v_source_id;
+    update semap.track_now t set first_stamp = n.stamp
+    from (select track_id, min(stamp) as stamp from new_state group by track_id) n
+    where t.track_id = n.track_id and n.stamp < t.first_stamp;
   end if;
 
   update semap.track_now t
@@ -87,7 +90,7 @@ begin
       where n.track_id = any (v_restless) and n.stamp > t.stamp
     ), stepped as (
       select *, lag(is_last, 1, not live) over one_track as appears,
-             lead(stamp) over one_track is null as is_present,
+             lead(stamp) over one_track is null as is_present, first_value(stamp) over one_track as first_stamp,
              lag(case when is_last then '{}' else region_ids end, 1, present_ids) over one_track as before_ids
       from located
       window one_track as (partition by track_id order by stamp)
@@ -106,7 +109,7 @@ begin
       where is_last
     ), moved as (
       update semap.track_now t
-      set live = true, stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+      set live = true, first_stamp = least(t.first_stamp, n.first_stamp), stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
           heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
           region_ids = case when n.is_last then '{}' else n.region_ids end,
           calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,

@@ -120,7 +120,7 @@ def _translation(error: psycopg.Error, parameters: object = None) -> SemapError:
             )
         case errors.UndefinedTable() | errors.InvalidSchemaName() | errors.UndefinedFunction():
             return DatabaseError(message, "The schema is missing or out of date: run `semap db migrate`.")
-        case errors.SerializationFailure() | errors.DeadlockDetected():
+        case errors.SerializationFailure() | errors.DeadlockDetected() | errors.LockNotAvailable():
             return ServerUnavailable(message, "Try again.")
         case psycopg.OperationalError() | errors.AdminShutdown():
             return ServerUnavailable(message, "See that the server runs and that SEMAP_DSN is right.")

@@ -97,8 +97,7 @@ FIRST = text("""
       (select min(stamp) from semap.object_state where map_id = :map_id),
       (select stamp from semap.event where map_id = :map_id order by stamp limit 1))
 """)
-FIRST_STATE = text("select semap.first_state_of_map(:map_id, :look)")
-EARLIEST_STATES = 10_000
+FIRST_STATE = text("select semap.first_state_of_map(:map_id)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +227,7 @@ def extent(connection: Connection, map_name: str) -> tuple[datetime, datetime] |
             return None
         firsts = (
             connection.scalar(FIRST, asked),
-            connection.scalar(FIRST_STATE, {**asked, "look": EARLIEST_STATES}),
+            connection.scalar(FIRST_STATE, asked),
         )
     stamps = [each for each in firsts if each is not None]
     return min([last, *stamps]), last

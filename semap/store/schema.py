@@ -1,24 +1,33 @@
 """The schema of the database: migrations own state, the files of sql/ own behaviour.
 
-`migrate` brings a database up to date and may be run at any time, by several processes at once.
-Migrations and behaviour are one transaction; what cannot be part of one, the replication slot, comes
-last and is made where it is missing.
+`migrate` brings a database up to date and may be run at any time, by several processes at once and beside a
+service that runs. Migrations and behaviour are one transaction; what cannot be part of one, the replication
+slot, comes last and is made where it is missing.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import psycopg
+from psycopg import errors
 from sqlalchemy import Connection, text
 
 import semap
-from semap.errors import DatabaseError
+from semap.errors import DatabaseError, ServerUnavailable
 from semap.store.database import connect, one_transaction, translated
 
+log = logging.getLogger(__name__)
+
 MIGRATION_LOCK = 7366
+LOCK_S = 2.0
+"""So long a migration waits for a table that is in use: whoever wants it after that waits as long."""
+PAUSE_S = 1.0
+ATTEMPTS = 10
 
 
 @dataclass(frozen=True)
@@ -43,17 +52,42 @@ def migrate(dsn: str, *, slot: bool = True) -> Migrated:
     """Create or update everything that semap keeps in the database.
 
     slot    also make the rule worker's slot; not in a database that is only copied from
-    raises  DatabaseError where the database is newer than this semap
+    raises  DatabaseError where the database is newer than this semap, ServerUnavailable where others use its
+            tables for so long that nothing was changed
     """
-    with one_transaction(dsn, application="semap migrate") as connection:
-        connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
-        connection.execute(text("create schema if not exists semap"))
-        before = _upgrade(connection)
-        changed = _apply_behaviour(connection, again=before != head_version())
+    migrated = _bring_up_to_date(dsn)
     if slot:
         with connect(dsn, application="semap migrate") as plain:
             ensure_slot(plain)
-    return Migrated(before, head_version(), changed)
+    return migrated
+
+
+def _bring_up_to_date(dsn: str) -> Migrated:
+    """All or nothing, again and again where somebody holds what it needs."""
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            with one_transaction(dsn, application="semap migrate") as connection:
+                connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
+                connection.execute(
+                    text("select set_config('lock_timeout', :timeout, true)"),
+                    {"timeout": f"{LOCK_S * 1000:.0f}ms"},
+                )
+                connection.execute(text("create schema if not exists semap"))
+                before = _upgrade(connection)
+                changed = _apply_behaviour(connection, again=before != head_version())
+            return Migrated(before, head_version(), changed)
+        except ServerUnavailable as error:
+            blocked = error.__cause__ if isinstance(error.__cause__, psycopg.Error) else None
+            blocked = getattr(error.__cause__, "orig", blocked)
+            if not isinstance(blocked, errors.LockNotAvailable | errors.DeadlockDetected):
+                raise
+            log.info("Tables are in use; tried %d of %d times.", attempt, ATTEMPTS)
+            time.sleep(PAUSE_S)
+    raise ServerUnavailable(
+        f"The schema is as it was: its tables were in use each time in {ATTEMPTS} attempts.",
+        "End what works on the database for long, an import or a query (`select * from pg_stat_activity`"
+        " lists them), then run `semap db migrate` again.",
+    )
 
 
 def head_version() -> str:

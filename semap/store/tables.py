@@ -320,6 +320,7 @@ track_now = Table(
     Column("map_id", Integer, nullable=False),
     *_doubles("cell_m"),
     Column("live", Boolean, nullable=False),
+    Column("first_stamp", STAMP, nullable=False),
     Column("stamp", STAMP, nullable=False),
     *_doubles("x_m", "y_m", "z_m", nullable=True),
     Column("std_m", REAL),

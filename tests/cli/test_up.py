@@ -83,9 +83,10 @@ def children(pid: int) -> dict[str, int]:
 def test_up_brings_all_up_keeps_it_up_and_takes_it_down(home: Path) -> None:
     port = free_port()
     up = subprocess.Popen([sys.executable, "-m", "semap_service", "up", "--port", str(port), "--without-tokens"],
-                          env=environment(home), stdout=subprocess.DEVNULL)  # fmt: skip
+                          env=environment(home), text=True, stdout=subprocess.PIPE)  # fmt: skip
     try:
-        until(lambda: healthy(port))
+        assert next(line for line in up.stdout if line.startswith("semap is up"))
+        assert healthy(port)
         semap(home, "map", "import", str(FOLDER / "office.geojson"))
         semap(home, "ingest", "tracks", str(FOLDER / "walk.csv"), "--map", "office")
         until(lambda: events(port) == 36)
@@ -97,6 +98,7 @@ def test_up_brings_all_up_keeps_it_up_and_takes_it_down(home: Path) -> None:
     finally:
         up.send_signal(signal.SIGINT)
         assert up.wait(PATIENCE_S) == 0
+        up.stdout.close()
     assert not Cluster(home).is_running()
     assert not healthy(port)
 

@@ -149,11 +149,7 @@ def test_the_extent_of_a_map_that_began_long_after_another(world: World, reading
     world.add_states([(track, START_US + n * SECOND_US, 0, 0, None) for n in range(200)])
     other.add_states([(late, START_US + n * SECOND_US, 0, 0, None) for n in range(500, 510)])
     reading.rollback()
-    original, moment.EARLIEST_STATES = moment.EARLIEST_STATES, 100
-    try:
-        found = [moment.extent(reading, name) for name in ("other", world.name)]
-    finally:
-        moment.EARLIEST_STATES = original
+    found = [moment.extent(reading, name) for name in ("other", world.name)]
     assert [tuple(to_us(each) for each in span) for span in found] == [
         (START_US + 500 * SECOND_US, START_US + 509 * SECOND_US),
         (START_US, START_US + 199 * SECOND_US),

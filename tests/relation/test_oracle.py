@@ -66,6 +66,14 @@ def test_changes_equal_the_oracle_in_long_plays(database: str, rooms: dict, step
     check(database, rooms, steps)
 
 
+FIRST_STAMPS = """
+    select n.track_id from semap.track_now n
+    where n.map_id = %s and n.first_stamp <> coalesce(
+      (select min(s.stamp) from semap.track_state s where s.track_id = n.track_id), 'infinity')
+"""
+"""Tracks that began at another time than `track_now` says."""
+
+
 def check(database: str, rooms: dict, steps: list) -> None:
     world, oracle = World(database, f"map {uuid4()}"), Oracle()
     try:
@@ -77,6 +85,7 @@ def check(database: str, rooms: dict, steps: list) -> None:
         assert world.relations() == oracle.relations()
         assert sorted(world.changes()) == sorted(oracle.changes)
         assert _from_nothing(world) == {pair[:2] for pair in world.relations()}
+        assert world.rows(FIRST_STAMPS, world.map_id) == []
     finally:
         world.close()
 

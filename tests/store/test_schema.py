@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import patch
 
 import pytest
 from alembic.script import ScriptDirectory
 
-from semap.errors import DatabaseError
+from semap.errors import DatabaseError, ServerUnavailable
+from semap.store import schema
 from semap.store.database import connect
 from semap.store.schema import head_version, is_current, migrate, require_current, schema_folder
 
@@ -71,6 +74,31 @@ def test_a_function_of_an_earlier_version_does_not_live_on(database: str) -> Non
         assert connection.execute("select count(*) from public.mine").fetchone() == (0,)
         assert connection.execute(triggers).fetchall() == before
         assert is_current(connection)
+
+
+def test_tables_in_use_hold_up_a_migration_and_it_nobody(
+    database: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schema, "LOCK_S", 0.2)
+    monkeypatch.setattr(schema, "PAUSE_S", 0.2)
+    with connect(database) as holder, connect(database) as reader, ThreadPoolExecutor() as pool:
+        holder.execute("update semap.behaviour set checksum = 'older'")
+        holder.execute("begin")
+        holder.execute("select count(*) from semap.track")
+        with patch.object(schema, "ATTEMPTS", 2), pytest.raises(ServerUnavailable, match="in use") as told:
+            migrate(database)
+        assert "semap db migrate" in told.value.remedy
+        assert not is_current(reader)
+
+        migrating = pool.submit(migrate, database)
+        reader.execute("set statement_timeout = '1s'")
+        for _ in range(20):
+            reader.execute("select count(*) from semap.track")
+            time.sleep(0.02)
+        assert not migrating.done()
+        holder.execute("commit")
+        assert migrating.result(timeout=30).behaviour_changed
+        assert is_current(reader)
 
 
 def test_versions_are_those_of_alembic() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Annotated
 
@@ -42,7 +44,9 @@ AllowPrivateWebhooks = Annotated[
 ]
 
 CHECK_S = 0.5
+FIRST_CHECK_S = 0.1
 GRACE_S = 2
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  (what is asked, not listened to)
 
 
 def up(
@@ -76,16 +80,31 @@ def up(
     with database(dsn) as opened, Supervisor(opened) as supervisor:
         supervisor.start("work", *logged)
         supervisor.start("serve", *served, *logged)
-        typer.echo(f"semap is up: http://{host}:{port}/ (Ctrl-C stops it)")
-        typer.echo("Next, in another terminal:")
-        typer.echo("  semap map import BUILDING.geojson")
-        typer.echo("  semap ingest tracks TRACKS.csv --map BUILDING")
-        typer.echo("  semap events --follow")
-        while not stop.wait(CHECK_S):
+        is_told = False
+        while not stop.wait(CHECK_S if is_told else FIRST_CHECK_S):
             supervisor.check()
+            if not is_told and answers(host, port):
+                is_told = True
+                typer.echo(f"semap is up: http://{host}:{port}/ (Ctrl-C stops it)")
+                typer.echo("Next, in another terminal:")
+                typer.echo("  semap map import BUILDING.geojson")
+                typer.echo("  semap ingest tracks TRACKS.csv --map BUILDING")
+                typer.echo("  semap events --follow")
             if dsn is None:
                 revive_server()
         typer.echo("Stopping ...")
+
+
+def answers(host: str, port: int) -> bool:
+    """Whether the service takes requests."""
+    asking = HTTPConnection(EVERYWHERE.get(host, host), port, timeout=1)
+    try:
+        asking.request("GET", "/health")
+        return asking.getresponse().status == HTTPStatus.OK
+    except (OSError, HTTPException):
+        return False
+    finally:
+        asking.close()
 
 
 def revive_server() -> None:
