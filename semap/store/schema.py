@@ -28,6 +28,12 @@ LOCK_S = 2.0
 """So long a migration waits for a table that is in use: whoever wants it after that waits as long."""
 PAUSE_S = 1.0
 ATTEMPTS = 10
+GIVE_WAY = text("""
+    select set_config('lock_timeout', :lock, true),
+           (select set_config('deadlock_timeout', '20ms', true)
+            from pg_roles where rolname = current_user and rolsuper)
+""")
+"""Of two that wait for one another the one that looks first is ended: the migration, which tries again."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +74,7 @@ def _bring_up_to_date(dsn: str) -> Migrated:
         try:
             with one_transaction(dsn, application="semap migrate") as connection:
                 connection.execute(text("select pg_advisory_xact_lock(:key)"), {"key": MIGRATION_LOCK})
-                connection.execute(
-                    text("select set_config('lock_timeout', :timeout, true)"),
-                    {"timeout": f"{LOCK_S * 1000:.0f}ms"},
-                )
+                connection.execute(GIVE_WAY, {"lock": f"{LOCK_S * 1000:.0f}ms"})
                 connection.execute(text("create schema if not exists semap"))
                 before = _upgrade(connection)
                 changed = _apply_behaviour(connection, again=before != head_version())
