@@ -38,6 +38,15 @@ $$;
 comment on function semap.frames_in_root is
   'root_T_frame of each frame at a time, with the root of its tree.';
 
+-- Where the origin of a frame is in the root of its tree, now.
+create or replace function semap.origin_in_root(p_frame_id bigint) returns public.geometry
+language sql stable parallel safe as $$
+  select public.st_makepoint((r.pose).x_m, (r.pose).y_m, (r.pose).z_m)
+  from semap.frames_in_root(array[p_frame_id]) r
+$$;
+comment on function semap.origin_in_root is
+  'Where the origin of a frame is in the root of its tree, now.';
+
 -- The frame itself and every frame below it.
 create or replace function semap.frames_below(p_frame_ids bigint[]) returns setof bigint
 language sql stable parallel safe as $$

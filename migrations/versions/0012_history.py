@@ -22,6 +22,7 @@ STATEMENTS = (
     "create index object_state_map_stamp on semap.object_state (map_id, stamp)",
     "create index event_map_stamp on semap.event (map_id, stamp, seq)",
     "create index instance_map on semap.instance (map_id, instance_id)",
+    "create index instance_shapeless on semap.instance (map_id) where relative_description_id is null",
     'create index instance_map_name on semap.instance (map_id, name collate "C", instance_id)',
     # A row of its own, since PostGIS keeps a transformation for further use only where it has a number.
     """

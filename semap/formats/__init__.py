@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from shapely.errors import GEOSException
+
 from semap.errors import InvalidInput
 from semap.formats.geojson import read_geojson
 from semap.formats.ifc import read_ifc
@@ -27,17 +29,25 @@ def read_building(path: Path, progress: Callable[[int, int], None] | None = None
     progress  called with the number of objects done and their total, where the format is slow to read
     raises    InvalidInput if the suffix is another or the file is bad; NotFound if there is no such file
     """
+    try:
+        building = _read(path, progress)
+        return replace(building, findings=(*building.findings, *doubts(building)))
+    except GEOSException as error:
+        raise InvalidInput(
+            f"a shape that geometry cannot work with: {error}", "Look for extreme coordinates.", str(path)
+        ) from error
+
+
+def _read(path: Path, progress: Callable[[int, int], None] | None) -> Building:
     suffix = path.suffix.lower()
     if suffix in {".geojson", ".json"}:
-        building = read_geojson(path)
-    elif suffix == ".ifc":
-        building = read_ifc(path, progress)
-    elif suffix in {".gml", ".indoorgml"}:
-        building = read_indoorgml(path)
-    else:
-        raise InvalidInput(
-            f"{suffix or 'a file without suffix'} is no building format that semap reads",
-            "Give a .geojson, .json, .ifc, .gml or .indoorgml file; a map in YAML is read as a map.",
-            str(path),
-        )
-    return replace(building, findings=(*building.findings, *doubts(building)))
+        return read_geojson(path)
+    if suffix == ".ifc":
+        return read_ifc(path, progress)
+    if suffix in {".gml", ".indoorgml"}:
+        return read_indoorgml(path)
+    raise InvalidInput(
+        f"{suffix or 'a file without suffix'} is no building format that semap reads",
+        "Give a .geojson, .json, .ifc, .gml or .indoorgml file; a map in YAML is read as a map.",
+        str(path),
+    )

@@ -13,7 +13,8 @@ uid          a UUID; without it one is made from the name
 attributes   an object of attributes whose names are among these
 
 Every other property becomes an attribute. A member `storeys` of the document may give elevations by name.
-A line's opening stands at its middle, x along the line, and gets its length as the attribute `width_m`.
+A line's opening stands at its middle, x along the line, and gets its length as the attribute `width_m`. Lines
+and points keep their height as the attribute `height_m`.
 """
 
 from __future__ import annotations
@@ -149,10 +150,14 @@ def _draft_of_shape(name: str, shape: Shape, properties: Mapping[str, object], w
     height_m = _number(properties, "height_m", where)
     if height_m is not None and height_m <= 0:
         raise InvalidInput(f"`height_m` is {height_m}", "Give a height greater than zero.", where)
-    band = None if height_m is None else HeightBand(elevation_m, elevation_m + height_m)
+    band = None
+    if footprint is not None and height_m is not None:
+        band = HeightBand(elevation_m, elevation_m + height_m)
     attributes = _attributes(properties, where)
     if isinstance(shape, LineString):
         attributes.setdefault("width_m", shape.length)
+    if footprint is None and height_m is not None:
+        attributes.setdefault("height_m", height_m)
     item = Item(
         uid=_uid(properties, name, where),
         name=name,

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import LineString, MultiPolygon, Point, Polygon
+from shapely.errors import GEOSException
 
 from semap.errors import InvalidInput
 
@@ -81,7 +82,10 @@ def _repaired(shape: Polygon | MultiPolygon, notes: list[ShapeNote]) -> Polygon 
     if shape.is_valid:
         return shape
     reason = shapely.is_valid_reason(shape)
-    valid = shapely.union_all(list(_polygonal_parts(shapely.make_valid(shape))))
+    try:
+        valid = shapely.union_all(list(_polygonal_parts(shapely.make_valid(shape))))
+    except GEOSException as error:
+        raise ShapeError(f"it cannot be repaired ({reason}; {error})") from error
     if valid.is_empty or not isinstance(valid, Polygon | MultiPolygon):
         raise ShapeError(f"it encloses no area ({reason})")
     notes.append(ShapeNote("repaired", reason))

@@ -135,6 +135,14 @@ def test_a_bad_ring_is_repaired_and_reported(
     assert reason in finding.reason
 
 
+@pytest.mark.parametrize(("kind", "coordinates"), [("LineString", [[0, 0], [1, 0]]), ("Point", [0, 0])])
+def test_what_has_no_outline_keeps_its_height_as_an_attribute(kind: str, coordinates: object) -> None:
+    building = parse_geojson(collection(feature(kind, coordinates, name="a", height_m=2.1)))
+    (item,) = building.items
+    assert item.band is None
+    assert item.attributes["height_m"] == 2.1
+
+
 @pytest.mark.parametrize(
     ("bad", "reason"),
     [

@@ -211,6 +211,24 @@ def test_boxes_and_filters_find_what_lies_there(service: Service):
     assert {point[2] for point in feature["geometry"]["coordinates"][0]} == {3.0}
 
 
+def test_what_has_no_shape_is_where_its_frame_is(service: Service):
+    """As doors are that were drawn as lines; also when what they stand on is moved."""
+    service.make_map()
+    hall = service.make_room("hall", shapely.box(0, 0, 4, 3))
+    things = {"concept": "Door", "pose": {"x_m": 3, "y_m": 1, "z_m": 0.5}}
+    for name, more in (("door", {}), ("hatch", {"frame": "hall"})):
+        service.post_instance({**things, "name": name, **more}).raise_for_status()
+    service.client.patch(f"/instances/{hall['id']}", json={"pose": {"x_m": 10}}).raise_for_status()
+    doors = {"door": [3, 1, 0.5], "hatch": [13, 1, 0.5]}
+    found = service.get("/collections/office.Door/items", crs=MAP_FRAME)["features"]
+    assert {each["properties"]["name"]: each["geometry"]["coordinates"] for each in found} == doors
+    for box, inside in (("2,0,4,2", ["door"]), ("12,0,14,2", ["hatch"]), ("5,5,6,6", [])):
+        asked: dict[str, Any] = {"bbox": box, "bbox-crs": MAP_FRAME}
+        assert names(service.get("/collections/office.Door/items", **asked)) == inside
+    point = {"filter": "s_intersects(geometry,POINT(3 1))", "filter-crs": MAP_FRAME}
+    assert names(service.get("/collections/office.Door/items", **point)) == ["door"]
+
+
 def test_pages_are_the_whole_in_order(service: Service):
     known = furnish(service, 17)
     for sortby in (None, "name", "-alias", "alias,-name", "-z_min_m,alias", "+concept,-id"):

@@ -314,7 +314,7 @@ def _in_area(source: Source, area: Placed) -> Sql:
 
 def _near(source: Source, areas: Sequence[shapely.Geometry]) -> Sql:
     """What the indexes of shapes say of the boxes around areas; true where there is no index."""
-    if "footprint" not in source.thing.kinds or not areas:
+    if source.unindexed is None or not areas:
         return true()
     ids = [
         select(abstraction.c.instance_id).where(
@@ -325,7 +325,7 @@ def _near(source: Source, areas: Sequence[shapely.Geometry]) -> Sql:
         for kind in ("Footprint", "Position2D")
         for area in areas
     ]
-    return next(iter(source.keys.values())).in_(union_all(*ids))
+    return next(iter(source.keys.values())).in_(union_all(*ids, source.unindexed))
 
 
 def _in_heights(source: Source, placing: Placing, box: Box, system: System) -> Sql:

@@ -12,8 +12,10 @@ from sqlalchemy import (
     ColumnElement,
     Double,
     FromClause,
+    Select,
     String,
     and_,
+    case,
     cast,
     column,
     false,
@@ -59,6 +61,7 @@ class Source:
     low, high    heights of it [m]; null where they are not known
     start, end   when it was; both null: that does not matter to it
     complete     properties that nothing lacks
+    unindexed    ids of the things whose shape is not in the indexes of shapes; None where no shape is
     """
 
     rows: FromClause
@@ -71,6 +74,7 @@ class Source:
     complete: frozenset[str]
     start: Sql | None = None
     end: Sql | None = None
+    unindexed: Select[tuple[int]] | None = None
 
     @property
     def properties(self) -> tuple[str, ...]:
@@ -91,9 +95,12 @@ def source_of(collection: Collection) -> Source:
 
 def _instances(collection: Collection) -> Source:
     of_map = instance.c.map_id == collection.map_id
-    if collection.concept == "Thing":
-        return replace(_INSTANCES, where=of_map)
-    return replace(_INSTANCES, where=and_(of_map, one_of(instance.c.concept_id, collection.concept_ids)))
+    shapeless = select(_SHAPELESS.c.instance_id).where(
+        _SHAPELESS.c.map_id == collection.map_id, _SHAPELESS.c.relative_description_id.is_(None)
+    )
+    if collection.concept != "Thing":
+        of_map = and_(of_map, one_of(instance.c.concept_id, collection.concept_ids))
+    return replace(_INSTANCES, where=of_map, unindexed=shapeless)
 
 
 def _point(x_m: Sql, y_m: Sql, z_m: Sql) -> Sql:
@@ -109,7 +116,14 @@ def _of_instance(name: str, instance_id: Sql) -> Sql:
     return of_concept.exists()
 
 
-_FLAT_INSTANCE = func.coalesce(FOOTPRINT.c.geometry, POSITION.c.geometry, type_=None)
+_SHAPELESS = instance.alias("shapeless")
+
+
+_ORIGIN = case(  # of what has no description, such as a door that was drawn as a line
+    (instance.c.relative_description_id.is_(None), func.semap.origin_in_root(instance.c.frame_id, type_=None))
+)
+_SHAPE = func.coalesce(FOOTPRINT.c.geometry, POSITION.c.geometry, type_=None)
+_FLAT_INSTANCE = func.coalesce(_SHAPE, func.public.st_force2d(_ORIGIN), type_=None)
 _LOW = func.coalesce(FOOTPRINT.c.z_min_m, POSITION.c.z_min_m)
 _HIGH = func.coalesce(FOOTPRINT.c.z_max_m, POSITION.c.z_max_m)
 _INSTANCES = Source(
@@ -132,7 +146,7 @@ _INSTANCES = Source(
         },
         is_a=INSTANCE.is_a,
     ),
-    shape=func.coalesce(func.public.st_force3dz(_FLAT_INSTANCE, _LOW), _FLAT_INSTANCE, type_=None),
+    shape=func.coalesce(func.public.st_force3dz(_SHAPE, _LOW), _SHAPE, _ORIGIN, type_=None),
     low=_LOW,
     high=_HIGH,
     complete=frozenset({"name", "concept", "uid", "id", "created_at", "updated_at"}),
