@@ -109,7 +109,8 @@ begin
       where is_last
     ), moved as (
       update semap.track_now t
-      set live = true, first_stamp = least(t.first_stamp, n.first_stamp), stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+      set live = true, first_stamp = least(t.first_stamp, n.first_stamp),
+          stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
           heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
           region_ids = case when n.is_last then '{}' else n.region_ids end,
           calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,

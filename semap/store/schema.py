@@ -80,9 +80,8 @@ def _bring_up_to_date(dsn: str) -> Migrated:
                 changed = _apply_behaviour(connection, again=before != head_version())
             return Migrated(before, head_version(), changed)
         except ServerUnavailable as error:
-            blocked = error.__cause__ if isinstance(error.__cause__, psycopg.Error) else None
-            blocked = getattr(error.__cause__, "orig", blocked)
-            if not isinstance(blocked, errors.LockNotAvailable | errors.DeadlockDetected):
+            said = getattr(error.__cause__, "orig", error.__cause__)
+            if not isinstance(said, errors.LockNotAvailable | errors.DeadlockDetected):
                 raise
             log.info("Tables are in use; tried %d of %d times.", attempt, ATTEMPTS)
             time.sleep(PAUSE_S)

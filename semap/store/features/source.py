@@ -117,8 +117,6 @@ def _of_instance(name: str, instance_id: Sql) -> Sql:
 
 
 _SHAPELESS = instance.alias("shapeless")
-
-
 _ORIGIN = case(  # of what has no description, such as a door that was drawn as a line
     (instance.c.relative_description_id.is_(None), func.semap.origin_in_root(instance.c.frame_id, type_=None))
 )
