@@ -1,0 +1,119 @@
+"""What a continuous query asks: between which subjects and objects which relation is kept true.
+
+A relation holds between one subject and one object: `subject predicate object`, as in "the room contains the
+track". Which of the two is written first follows the predicate's reading and changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+from uuid import UUID
+
+Predicate = Literal[
+    "contains",  # the object's interior holds the subject: ST_Contains(object, subject)
+    "covers",  # the same with the object's boundary: ST_Covers(object, subject)
+    "intersects",  # the object and the ground that the subject covers share a point: ST_Intersects
+    "within_distance",  # not further apart than `distance_m`: ST_DWithin
+    "nearest",  # the object is among the `count` nearest to the subject
+    "on",  # the subject stands on the object
+    "in_front_of",  # the subject is in the object's projection to its front (x of its frame)
+    "behind",
+    "left_of",
+    "right_of",
+    "crosses",  # the subject's way crosses the object, a line, in a direction
+    "facing",  # the subject's heading is within `angle_rad` of the bearing of the object
+    "approaching",  # the distance from the subject to the object falls by `speed_mps` or more
+]
+Kind = Literal["track", "instance"]
+
+
+@dataclass(frozen=True)
+class Side:
+    """Which tracks or instances a query is about: those that all of this is true of.
+
+    concept  this one or one below it; None: any
+    uids     None: any
+    where    a CQL2 condition on name and attributes, in its JSON form; None: any
+    """
+
+    kind: Kind
+    concept: str | None = None
+    uids: tuple[UUID, ...] | None = None
+    where: Mapping[str, object] | None = None
+
+
+@dataclass(frozen=True)
+class Debounce:
+    """How far and how long something must hold before it counts; the margins are beside the boundary.
+
+    enter_margin_m   how deep inside it has to come [m]
+    leave_margin_m   how far outside it has to go [m]
+    enter_confirm_s  how long it has to stay in [s of event time]
+    leave_confirm_s  how long it has to stay out [s of event time]
+    """
+
+    enter_margin_m: float = 0.0
+    leave_margin_m: float = 0.0
+    enter_confirm_s: float = 0.0
+    leave_confirm_s: float = 0.0
+
+
+DEFAULT_DEBOUNCE = Debounce(0.15, 0.15)
+"""Three times the noise of a good tracker (5 cm): what is asked for by "debounce" without more."""
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How probable a containment must be to begin, and how improbable to end, from a position's covariance.
+
+    enter  in [0.5, 1)
+    leave  in (0, 0.5]
+    """
+
+    enter: float
+    leave: float
+
+
+@dataclass(frozen=True)
+class BetweenSamples:
+    """The way between two samples is taken as a straight line, unless it is too long or too fast to be one.
+
+    longest_gap_s  no line between samples further apart in time
+    fastest_mps    no line that asks for a higher speed
+    """
+
+    longest_gap_s: float = 30.0
+    fastest_mps: float = 30.0
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A continuous query.
+
+    distance_m      of within_distance
+    count           of nearest
+    angle_rad       of facing
+    speed_mps       of approaching
+    abstraction     which abstraction of instances is compared; tracks are where their position is
+    dimensions      3: heights count, too
+    between_samples None: relations follow the samples alone
+    payload         what each row of the result carries: a property of a side by the name of its column, such
+                    as {"room": "object.name", "track": "subject.name"}; empty: all there are
+    """
+
+    name: str
+    predicate: Predicate
+    subject: Side
+    object: Side
+    distance_m: float | None = None
+    count: int | None = None
+    angle_rad: float | None = None
+    speed_mps: float | None = None
+    abstraction: str = "Footprint"
+    dimensions: Literal[2, 3] = 3
+    debounce: Debounce = field(default_factory=Debounce)
+    certainty: Certainty | None = None
+    between_samples: BetweenSamples | None = None
+    payload: Mapping[str, str] = field(default_factory=dict)
