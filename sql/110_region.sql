@@ -1,17 +1,17 @@
 -- The index of all regions is a grid: each cell of a map lists the regions that reach into it and
 -- the edges that pass through it. A point is compared with the one cell that it lies in.
 
--- What holds at a point: the regions that contain it, and the heights [z_min, z_max) around its own
--- for which that stays so. A region holds a point if its footprint contains it (the boundary does
--- not belong to it, as in ST_Contains) and its height band [z_min, z_max) its height; a point
--- without a height is in a region whatever the band, and has no heights around its own.
+-- What holds at a point: the plain regions that contain it (sql/132 follows the others), and the heights [z_min, z_max)
+-- around its own for which that stays so. A region holds a point if its footprint contains it (the boundary does not
+-- belong to it, as in ST_Contains) and its height band [z_min, z_max) its height; a point without a height is in a
+-- region whatever the band, and has no heights around its own.
 create or replace function semap.regions_at(
   p_map_id integer, p_cell_m double precision,
   p_x_m double precision, p_y_m double precision, p_z_m double precision
 ) returns table (region_ids integer[], z_min_m double precision, z_max_m double precision)
 language sql stable parallel safe as $$
   select coalesce(array_agg(region_id order by region_id) filter (
-           where (p_z_m is null or (p_z_m >= c.z_min_m and p_z_m < c.z_max_m))
+           where not careful and (p_z_m is null or (p_z_m >= c.z_min_m and p_z_m < c.z_max_m))
              and (whole or (select st_contains(r.footprint, st_point(p_x_m, p_y_m))
                             from semap.region r where r.region_id = c.region_id))), '{}'),
          case when p_z_m is not null then
@@ -25,29 +25,32 @@ language sql stable parallel safe as $$
     and c.cell_x = floor(p_x_m / p_cell_m)::integer and c.cell_y = floor(p_y_m / p_cell_m)::integer
 $$;
 comment on function semap.regions_at is
-  'The regions that contain a point, and the heights around its own for which that stays so.';
+  'The plain regions that contain a point, and the heights around its own for which that stays so.';
 
--- An open rectangle around a point that no edge of a region reaches into, so that a state within
--- it needs no look at the map. It starts as the point's cell; each edge cuts it on the axis on which
--- the edge is further away. A point on an edge, or within an edge's box, has none (x_min infinite).
+-- An open rectangle around a point that no edge of a region reaches into, so that a state within it needs no look at the
+-- map. It starts as the point's cell; each edge cuts it on the axis on which the edge is further away. A point on an
+-- edge, or within an edge's box, has none (x_min infinite). Edges of regions that ask for a probability keep a distance
+-- of some standard deviations, so that the rectangle is for states that are not much less exact than this one: std_m.
 create or replace function semap.calm_rectangle(
-  p_map_id integer, p_cell_m double precision, p_x_m double precision, p_y_m double precision
+  p_map_id integer, p_cell_m double precision, p_x_m double precision, p_y_m double precision, p_std_m real
 ) returns table (
-  x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision
+  x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision, std_m real
 )
 language sql stable parallel safe as $$
   select greatest(floor(p_x_m / p_cell_m) * p_cell_m,
-                  max(case when dx_m = 0 and dy_m = 0 then 'infinity'
-                           when dx_m >= dy_m and e.x_max_m <= p_x_m then e.x_max_m end)),
+                  max(case when dx_m <= 0 and dy_m <= 0 then 'infinity'
+                           when dx_m >= dy_m and e.x_max_m <= p_x_m then e.x_max_m + wide_m end)),
          least((floor(p_x_m / p_cell_m) + 1) * p_cell_m,
-               min(case when dx_m >= dy_m and e.x_min_m >= p_x_m then e.x_min_m end)),
+               min(case when dx_m >= dy_m and e.x_min_m >= p_x_m then e.x_min_m - wide_m end)),
          greatest(floor(p_y_m / p_cell_m) * p_cell_m,
-                  max(case when dx_m < dy_m and e.y_max_m <= p_y_m then e.y_max_m end)),
+                  max(case when dx_m < dy_m and e.y_max_m <= p_y_m then e.y_max_m + wide_m end)),
          least((floor(p_y_m / p_cell_m) + 1) * p_cell_m,
-               min(case when dx_m < dy_m and e.y_min_m >= p_y_m then e.y_min_m end))
+               min(case when dx_m < dy_m and e.y_min_m >= p_y_m then e.y_min_m - wide_m end)),
+         case when max(e.stds) > 0 then coalesce(p_std_m, 0) * 1.25 + 0.01 else 'infinity' end::real
   from semap.region_edge e,
-       lateral (select greatest(e.x_min_m - p_x_m, p_x_m - e.x_max_m, 0) as dx_m,
-                       greatest(e.y_min_m - p_y_m, p_y_m - e.y_max_m, 0) as dy_m) d
+       lateral (select case when e.stds = 0 then 0 else e.stds * (coalesce(p_std_m, 0) * 1.25 + 0.01) end as wide_m) w,
+       lateral (select greatest(e.x_min_m - p_x_m, p_x_m - e.x_max_m, 0) - wide_m as dx_m,
+                       greatest(e.y_min_m - p_y_m, p_y_m - e.y_max_m, 0) - wide_m as dy_m) d
   where e.map_id = p_map_id
     and e.cell_x = floor(p_x_m / p_cell_m)::integer and e.cell_y = floor(p_y_m / p_cell_m)::integer
 $$;

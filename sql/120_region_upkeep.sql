@@ -1,26 +1,105 @@
--- Every region that the continuous queries ask for: one for each instance of the query's concept, or
--- of a concept below it, that has a footprint.
+-- The shape and the band of heights that a predicate asks for, of an abstraction with its heights [m].
+create or replace function semap.predicate_band(
+  p_predicate text, p_dimensions smallint, p_distance_m double precision,
+  p_z_min_m double precision, p_z_max_m double precision, out z_min_m double precision, out z_max_m double precision
+) language sql immutable parallel safe as $$
+  select case when p_predicate = 'on' then p_z_max_m - 0.1 when p_dimensions = 3 then p_z_min_m - coalesce(p_distance_m, 0) end,
+         case when p_predicate = 'on' then p_z_max_m + 0.5 when p_dimensions = 3 then p_z_max_m + coalesce(p_distance_m, 0) end
+$$;
+comment on function semap.predicate_band is
+  'The band of heights that a predicate asks for, of an abstraction with its heights.';
+
+-- A shape grown (or, by a negative distance, shrunk), round at its corners to half a millimetre.
+create or replace function semap.grown(p_shape public.geometry, p_by_m double precision) returns public.geometry
+language sql immutable parallel safe as $$
+  select case when p_by_m = 0 then p_shape
+    else public.st_buffer(p_shape, p_by_m,
+      'quad_segs=' || greatest(8, ceil(pi() / 4 / acos(1 - 0.0005 / greatest(abs(p_by_m), 0.001)))::integer)) end
+$$;
+comment on function semap.grown is
+  'A shape grown (or, by a negative distance, shrunk), round at its corners to half a millimetre.';
+
+-- The area to the front (x), back, left (y) or right of a shape as its own frame has it, at a yaw [rad]: the side of its
+-- box in that frame, swept outwards by a reach [m].
+create or replace function semap.area_beside(
+  p_shape public.geometry, p_yaw_rad double precision, p_predicate text, p_reach_m double precision
+) returns public.geometry
+language sql immutable parallel safe as $$
+  select public.st_rotate(
+    case p_predicate
+      when 'in_front_of' then public.st_makeenvelope(x_max, y_min, x_max + p_reach_m, y_max)
+      when 'behind' then public.st_makeenvelope(x_min - p_reach_m, y_min, x_min, y_max)
+      when 'left_of' then public.st_makeenvelope(x_min, y_max, x_max, y_max + p_reach_m)
+      else public.st_makeenvelope(x_min, y_min - p_reach_m, x_max, y_min) end, p_yaw_rad)
+  from (select public.st_xmin(s) as x_min, public.st_xmax(s) as x_max, public.st_ymin(s) as y_min, public.st_ymax(s) as y_max
+        from public.st_rotate(p_shape, -p_yaw_rad) s) e
+$$;
+comment on function semap.area_beside is
+  'The area to the front, back, left or right of a shape as its own frame has it.';
+
+-- What of an abstraction a predicate compares with the place of a track.
+create or replace function semap.predicate_shape(
+  p_predicate text, p_geometry public.geometry, p_frame_id bigint, p_distance_m double precision
+) returns public.geometry
+language plpgsql stable parallel safe as $$
+begin
+  if p_predicate in ('in_front_of', 'behind', 'left_of', 'right_of') then
+    return (select semap.area_beside(p_geometry, semap.yaw(f.pose), p_predicate, p_distance_m)
+            from semap.frames_in_root(array[p_frame_id]) f);
+  end if;
+  return p_geometry;
+end $$;
+comment on function semap.predicate_shape is
+  'What of an abstraction a predicate compares with the place of a track.';
+
+-- Every region that the continuous queries ask for: one for each instance that a query is about and that has the
+-- abstraction it compares. `footprint` is where the relation holds, as a polygon; `shape` what the predicate compares;
+-- `core` and `reach` where it is entered and left, if the query has margins.
 create or replace view semap.region_wanted as
   select q.query_id, q.name as query_name, i.instance_id, i.uid as instance_uid, i.name as instance_name, i.map_id,
-         a.geometry as footprint,
-         coalesce(a.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, 'infinity') as z_max_m
-  from semap.continuous_query q
-  cross join lateral semap.concepts_below(q.object_concept_id) c (concept_id)
+         f.footprint, coalesce(b.z_min_m, '-infinity') as z_min_m, coalesce(b.z_max_m, 'infinity') as z_max_m,
+         q.predicate, case when q.careful then s.shape end as shape, q.by_m as distance_m,
+         case when q.enter_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) - q.enter_margin_m) end as core,
+         case when q.leave_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) + q.leave_margin_m) end as reach,
+         q.enter_confirm, q.leave_confirm, semap.normal_quantile(q.enter_probability) as enter_stds,
+         -semap.normal_quantile(q.leave_probability) as leave_stds, q.widest_std_m, q.longest_gap, q.fastest_mps,
+         q.subject, q.careful
+  from (
+    select *, case when predicate = 'within_distance' then distance_m end as by_m,
+           predicate <> 'contains' or enter_margin_m > 0 or leave_margin_m > 0 or enter_confirm > '0'
+           or leave_confirm > '0' or enter_probability is not null or longest_gap is not null
+           or subject_concept_id is not null or subject_uids is not null or subject_where is not null as careful,
+           nullif(concat_ws('|', subject_concept_id, subject_uids, subject_where), '') as subject
+    from semap.continuous_query
+  ) q
+  cross join lateral (
+    select semap.concepts_below(q.object_concept_id) as concept_id
+    union all
+    select concept_id from semap.concept where q.object_concept_id is null) c
   join semap.instance i on i.map_id = q.map_id and i.concept_id = c.concept_id
-  join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = 'Footprint'
-  where q.enabled;
+  join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = q.abstraction
+  cross join lateral semap.predicate_band(q.predicate, q.dimensions, q.by_m, a.z_min_m, a.z_max_m) b
+  cross join lateral (select case when q.predicate in ('contains', 'covers', 'within_distance', 'on') then a.geometry
+                                  else semap.predicate_shape(q.predicate, a.geometry, i.frame_id, q.distance_m) end) s (shape)
+  cross join lateral (select semap.grown(s.shape, coalesce(q.by_m, 0))) f (footprint)
+  where q.enabled
+    and (q.object_uids is null or i.uid = any (q.object_uids))
+    and (q.object_where is null or semap.condition_holds(
+           q.object_where, i.attributes || jsonb_build_object('name', i.name, 'alias', i.alias)))
+    and public.st_dimension(f.footprint) = 2;
 comment on view semap.region_wanted is
   'Every region that the continuous queries ask for.';
 
--- Let every track in a cell of these regions be looked up at its next state.
+-- Let every track in a cell of these regions, or of their edges, be looked up at its next state.
 create or replace function semap.unsettle(p_region_ids integer[]) returns void
 language sql as $$
   update semap.track_now t set calm_x_min_m = 'infinity'
   where (t.map_id, floor(t.x_m / t.cell_m)::integer, floor(t.y_m / t.cell_m)::integer) in
-    (select map_id, cell_x, cell_y from semap.region_cell where region_id = any (p_region_ids))
+    (select map_id, cell_x, cell_y from semap.region_cell where region_id = any (p_region_ids)
+     union select map_id, cell_x, cell_y from semap.region_edge where region_id = any (p_region_ids))
 $$;
 comment on function semap.unsettle is
-  'Let every track in a cell of these regions be looked up at its next state.';
+  'Let every track in a cell of these regions, or of their edges, be looked up at its next state.';
 
 -- Write the cells and edges of these regions anew. A region that would fill more than a million
 -- cells is refused: its map wants larger ones.
@@ -43,8 +122,9 @@ begin
   delete from semap.region_cell where region_id = any (p_region_ids);
   delete from semap.region_edge where region_id = any (p_region_ids);
 
-  insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, z_min_m, z_max_m)
-  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.z_min_m, r.z_max_m
+  insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, careful, z_min_m, z_max_m)
+  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.careful,
+         r.z_min_m, r.z_max_m
   from semap.region r
   join semap.map m using (map_id)
   cross join lateral generate_series(floor(st_xmin(r.footprint) / m.cell_m)::integer,
@@ -57,13 +137,23 @@ begin
   ) cell
   where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square);
 
-  insert into semap.region_edge (map_id, cell_x, cell_y, region_id, x_min_m, x_max_m, y_min_m, y_max_m)
-  select r.map_id, cell_x, cell_y, r.region_id, e.x_min_m, e.x_max_m, e.y_min_m, e.y_max_m
+  -- an edge that is kept away from, too, where it may be too near for a position that is as inexact as the query allows;
+  -- one of a rounded shape is widened by the half millimetre that its corners lack
+  insert into semap.region_edge (map_id, cell_x, cell_y, region_id, stds, x_min_m, x_max_m, y_min_m, y_max_m)
+  select r.map_id, cell_x, cell_y, r.region_id, w.stds, e.x_min_m - w.by_m, e.x_max_m + w.by_m,
+         e.y_min_m - w.by_m, e.y_max_m + w.by_m
   from semap.region r
   join semap.map m using (map_id)
-  cross join lateral semap.footprint_edges(r.footprint) e
-  cross join lateral generate_series(floor(e.x_min_m / m.cell_m)::integer, floor(e.x_max_m / m.cell_m)::integer) cell_x
-  cross join lateral generate_series(floor(e.y_min_m / m.cell_m)::integer, floor(e.y_max_m / m.cell_m)::integer) cell_y
+  cross join lateral (
+    select greatest(r.enter_stds, r.leave_stds, 0)::real as stds, coalesce(r.widest_std_m, 0) as widest_std_m,
+           case when r.distance_m is null then 0 else 0.001 end as by_m) w
+  cross join lateral (select shape from unnest(array[r.footprint, r.core, r.reach]) shape
+                      where shape is not null and not st_isempty(shape)) s
+  cross join lateral semap.footprint_edges(s.shape) e
+  cross join lateral generate_series(floor((e.x_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
+                                     floor((e.x_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_x
+  cross join lateral generate_series(floor((e.y_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
+                                     floor((e.y_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_y
   where r.region_id = any (p_region_ids);
 
   -- many new rows at once, as after an import: the plans of the triggers should know of them at once
@@ -93,19 +183,37 @@ begin
   where r.instance_id = any (p_instance_ids) and w.instance_id is null;
 
   with changed as (
-    insert into semap.region as r (query_id, query_name, instance_id, instance_uid, instance_name, map_id,
-                                   footprint, z_min_m, z_max_m)
-    select query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m
+    insert into semap.region as r (
+      query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
+      predicate, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      widest_std_m, longest_gap, fastest_mps, subject, careful)
+    select
+      query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
+      predicate, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      widest_std_m, longest_gap, fastest_mps, subject, careful
     from semap.region_wanted
     where instance_id = any (p_instance_ids)
     order by query_id, instance_uid
-    on conflict (query_id, instance_id) do update
-    set query_name = excluded.query_name, instance_uid = excluded.instance_uid,
-        instance_name = excluded.instance_name, footprint = excluded.footprint,
-        z_min_m = excluded.z_min_m, z_max_m = excluded.z_max_m
-    where (r.query_name, r.instance_uid, r.instance_name, st_asbinary(r.footprint), r.z_min_m, r.z_max_m)
-          is distinct from (excluded.query_name, excluded.instance_uid, excluded.instance_name,
-                            st_asbinary(excluded.footprint), excluded.z_min_m, excluded.z_max_m)
+    on conflict (query_id, instance_id) do update set
+      query_name = excluded.query_name, instance_uid = excluded.instance_uid,
+      instance_name = excluded.instance_name, footprint = excluded.footprint, z_min_m = excluded.z_min_m,
+      z_max_m = excluded.z_max_m, predicate = excluded.predicate, shape = excluded.shape,
+      distance_m = excluded.distance_m, core = excluded.core, reach = excluded.reach,
+      enter_confirm = excluded.enter_confirm, leave_confirm = excluded.leave_confirm,
+      enter_stds = excluded.enter_stds, leave_stds = excluded.leave_stds, widest_std_m = excluded.widest_std_m,
+      longest_gap = excluded.longest_gap, fastest_mps = excluded.fastest_mps, subject = excluded.subject,
+      careful = excluded.careful
+    where (r.query_name, r.instance_uid, r.instance_name, st_asbinary(r.footprint), r.z_min_m, r.z_max_m,
+           r.predicate, st_asbinary(r.shape), r.distance_m, st_asbinary(r.core), st_asbinary(r.reach),
+           r.enter_confirm, r.leave_confirm, r.enter_stds, r.leave_stds, r.widest_std_m, r.longest_gap,
+           r.fastest_mps, r.subject, r.careful)
+      is distinct from
+          (excluded.query_name, excluded.instance_uid, excluded.instance_name, st_asbinary(excluded.footprint),
+           excluded.z_min_m, excluded.z_max_m, excluded.predicate, st_asbinary(excluded.shape),
+           excluded.distance_m, st_asbinary(excluded.core), st_asbinary(excluded.reach),
+           excluded.enter_confirm, excluded.leave_confirm, excluded.enter_stds, excluded.leave_stds,
+           excluded.widest_std_m, excluded.longest_gap, excluded.fastest_mps, excluded.subject,
+           excluded.careful)
     returning region_id
   )
   select array_agg(region_id) into v_changed from changed;
@@ -113,6 +221,8 @@ begin
     return;
   end if;
 
+  perform semap.settle_places(array_agg(distinct t.source_id)) from semap.track_now t
+  where t.live and t.map_id in (select map_id from semap.region where region_id = any (v_gone || v_changed));
   perform semap.unsettle(v_gone || v_changed);
   perform semap.index_regions(v_changed);
   perform semap.unsettle(v_changed);
@@ -125,8 +235,11 @@ begin
       on t.map_id = c.map_id and t.live
       and floor(t.x_m / t.cell_m)::integer = c.cell_x and floor(t.y_m / t.cell_m)::integer = c.cell_y
     where c.region_id = any (v_changed)
-      and (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))
-      and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m))
+      and case when r.careful then (semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m)).side
+                    and (r.subject is null or exists (select from semap.query_track s
+                                                   where s.query_id = r.query_id and s.track_id = t.track_id))
+               else (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))
+                    and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m)) end
   ), crossed as (
     select coalesce(i.track_id, n.track_id) as track_id, coalesce(i.region_id, n.region_id) as region_id,
            case when n.track_id is null then 'began' else 'ended' end::semap.change_kind as kind
@@ -135,13 +248,22 @@ begin
       using (track_id, region_id)
     where i.track_id is null or n.track_id is null
   )
-  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp)::semap.crossing) into v_crossings
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing) into v_crossings
   from crossed c join semap.track_now t using (track_id);
   perform semap.record_crossings(v_crossings);
 
+  delete from semap.verge where region_id = any (v_changed);
   update semap.track_now t
-  set region_ids = array(select n.region_id from semap.relation n where n.track_id = t.track_id order by n.region_id)
-  where t.track_id in (select track_id from unnest(v_crossings));
+  set region_ids = held.plain_ids, careful_ids = held.careful_ids
+  from (select k.track_id,
+               coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}') as plain_ids,
+               coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
+        from (select track_id from unnest(v_crossings)
+              union select track_id from semap.relation where region_id = any (v_changed)) k
+        left join semap.relation n using (track_id)
+        left join semap.region r on r.region_id = n.region_id
+        group by k.track_id) held
+  where t.track_id = held.track_id;
 
   delete from semap.region where region_id = any (v_gone);
 end $$;
@@ -196,15 +318,15 @@ create or replace trigger instance_updated after update on semap.instance
 create or replace trigger instance_deleted after delete on semap.instance
   referencing old table as old_row for each statement execute function semap.instance_changed();
 
--- A continuous query was added, changed or removed, or a concept moved in the taxonomy.
-create or replace function semap.queries_changed() returns trigger
+-- A concept moved in the taxonomy.
+create or replace function semap.concepts_moved() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.refresh_regions(array_agg(distinct instance_id))
   from (
     select r.instance_id
     from semap.region r left join semap.region_wanted w using (query_id, instance_id)
-    where w.instance_id is null or w.query_name <> r.query_name
+    where w.instance_id is null
     union all
     select w.instance_id
     from semap.region_wanted w left join semap.region r using (query_id, instance_id)
@@ -212,13 +334,39 @@ begin
   ) differing;
   return null;
 end $$;
-comment on function semap.queries_changed is
-  'A continuous query was added, changed or removed, or a concept moved: the regions follow.';
+comment on function semap.concepts_moved is
+  'A concept moved in the taxonomy: the regions follow.';
 
-create or replace trigger continuous_query_changed after insert or update or delete on semap.continuous_query
-  for each statement execute function semap.queries_changed();
 create or replace trigger concept_moved after insert or update or delete on semap.concept_parent
-  for each statement execute function semap.queries_changed();
+  for each statement execute function semap.concepts_moved();
+
+-- A continuous query was added, changed or removed.
+create or replace function semap.queries_changed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_query_ids  integer[];
+begin
+  if tg_op = 'DELETE' then
+    select array_agg(query_id) into v_query_ids from old_query;
+  else
+    select array_agg(query_id) into v_query_ids from new_query;
+    perform semap.choose_tracks(v_query_ids, null);
+  end if;
+  perform semap.refresh_regions(array_agg(distinct instance_id))
+  from (select instance_id from semap.region where query_id = any (v_query_ids)
+        union all select instance_id from semap.region_wanted where query_id = any (v_query_ids)) i;
+  return null;
+end $$;
+comment on function semap.queries_changed is
+  'A continuous query was added, changed or removed: its regions follow.';
+
+create or replace trigger continuous_query_inserted after insert on semap.continuous_query
+  referencing new table as new_query for each statement execute function semap.queries_changed();
+create or replace trigger continuous_query_updated after update on semap.continuous_query
+  referencing new table as new_query for each statement execute function semap.queries_changed();
+create or replace trigger continuous_query_deleted after delete on semap.continuous_query
+  referencing old table as old_query for each statement execute function semap.queries_changed();
+drop trigger if exists continuous_query_changed on semap.continuous_query;
 
 -- With a map goes what happened on it: a map of the same name starts anew. Its events belong to the
 -- rule worker, which deletes them when it comes to this place in the log.
@@ -227,6 +375,7 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
+  delete from semap.relation_past where map_id in (select map_id from old_map);
   delete from semap.region where map_id in (select map_id from old_map);
   delete from semap.row_version where map_id in (select map_id from old_map);
   return null;

@@ -5,9 +5,10 @@
 create or replace function semap.stays(p_map_id integer, p_from timestamptz, p_to timestamptz)
 returns table (track_id bigint, instance_id bigint, query_id integer, since timestamptz, until timestamptz)
 language sql stable parallel safe as $$
-  select c.track_id, c.instance_id, c.query_id, c.since, c.stamp
-  from semap.relation_change c
-  where c.kind = 'ended' and tstzrange(c.since, c.stamp) && tstzrange(p_from, p_to, '[]') and c.map_id = p_map_id
+  select p.track_id, p.instance_id, p.query_id, p.since, p.until
+  from semap.relation_past p
+  where tstzrange(p.since, p.until, '[]') && tstzrange(p_from, p_to, '[]') and p.since < p.until and p.until > p_from
+    and p.map_id = p_map_id
   union all
   select n.track_id, n.instance_id, n.query_id, n.since, null
   from semap.relation n

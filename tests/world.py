@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from datetime import timedelta
 from uuid import NAMESPACE_URL, uuid5
 
 import psycopg
 import shapely
+from careful_oracle import Asked, Sample
 
 from semap.store.database import connect
 from semap.timeline.stamp import to_datetime
 
 SECOND_US = 1_000_000
+INTERVALS = ("enter_confirm", "leave_confirm", "longest_gap")
 
 State = tuple[int, int, float, float, float | None] | tuple[int, int, float, float, float | None, bool]
 
@@ -122,6 +125,26 @@ class World:
 
     def end_track(self, track_id: int, stamp_us: int) -> None:
         self.run("update semap.track set ended_at = %s where track_id = %s", to_datetime(stamp_us), track_id)
+
+    def ask(self, asked: Asked) -> None:
+        """Let the query track_in_room ask this instead."""
+        values = {
+            each.name: timedelta(seconds=value) if each.name in INTERVALS else value
+            for each in fields(asked)
+            if (value := getattr(asked, each.name)) is not None
+        }
+        columns = ", ".join(f"{name} = %s" for name in values)
+        self.run(
+            f"update semap.continuous_query set {columns} where query_id = %s", *values.values(), self.query_id
+        )
+
+    def add_samples(self, track_id: int, samples: Sequence[Sample]) -> None:
+        """States of one track in one statement, with how exact each is."""
+        statement = "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, std_m, is_last) from stdin"
+        with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
+            for each in samples:
+                copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
+                                each.std_m, each.is_last))  # fmt: skip
 
     def add_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""

@@ -68,12 +68,14 @@ DEFAULT_DEBOUNCE = Debounce(0.15, 0.15)
 class Certainty:
     """How probable a containment must be to begin, and how improbable to end, from a position's covariance.
 
-    enter  in [0.5, 1)
-    leave  in (0, 0.5]
+    enter         in [0.5, 1)
+    leave         in (0, 0.5]
+    widest_std_m  a position that is less exact than this is evidence of neither
     """
 
-    enter: float
-    leave: float
+    enter: float = 0.9
+    leave: float = 0.1
+    widest_std_m: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ class BetweenSamples:
 class Declaration:
     """A continuous query.
 
-    distance_m      of within_distance
+    distance_m      of within_distance; how far in front of, behind, left or right of something reaches
     count           of nearest
     angle_rad       of facing
     speed_mps       of approaching

@@ -24,6 +24,7 @@ PROPERTIES: Mapping[str, Kind] = {
     "stamp": "instant",
     "since": "instant",  # when the relation or the former state began; an event: the first row of its match
     "duration_s": "number",  # stamp - since
+    "confirmed": "instant",  # when it was known, where that was later than it was: of a debounced relation
     "cause": "text",
     "track": "text",
     "track_id": "number",

@@ -34,9 +34,9 @@ ORDERS = {None: "e.stamp, e.seq", "instance": "e.instance_id, e.instance_name, e
           "track": "e.track_id, e.track_name, e.stamp, e.seq"}  # fmt: skip
 
 STAYS = """
-    select instance_id, instance_name, track_name, since, stamp
-    from semap.relation_change
-    where map_id = %(map_id)s and kind = 'ended' and stamp >= %(start)s and since < %(end)s
+    select instance_id, instance_name, track_name, since, until as stamp
+    from semap.relation_past
+    where map_id = %(map_id)s and tstzrange(since, until, '[]') && tstzrange(%(start)s, %(end)s)
     union all
     select n.instance_id, n.instance, n.track, n.since, null
     from semap.relation_now n

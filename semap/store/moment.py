@@ -71,8 +71,9 @@ CURSORS = text("""
 """)
 STAYS = text("""
     select s.instance_id, coalesce(i.name, (
-             select c.instance_name from semap.relation_change c
-             where c.instance_id = s.instance_id and c.stamp = s.until and c.map_id = :map_id limit 1), ''),
+             select p.instance_name from semap.relation_past p
+             where p.instance_id = s.instance_id and p.map_id = :map_id
+               and p.until = s.until and tstzrange(p.since, p.until, '[]') @> s.until limit 1), ''),
            s.track_id, t.name, min(s.since), s.until
     from semap.stays(:map_id, :from, :to) s
     join semap.track t using (track_id)

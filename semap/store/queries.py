@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, delete, func, insert, select, update
 
-from semap.errors import Conflict, NotFound
+from semap.errors import Conflict, InvalidInput, NotFound
+from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, Declaration, Kind, Side
 from semap.store.concept import concept_id
 from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
+OF_A_DIRECTION = ("in_front_of", "behind", "left_of", "right_of")
+KEPT = ("contains", "covers", "within_distance", "on", *OF_A_DIRECTION)
+"""Predicates that can be kept true."""
+FLAT = ("Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D")
+"""Abstractions that have an area seen from above, or get one by a distance."""
+
 
 @dataclass(frozen=True)
 class Query:
-    """While enabled, each track is related to every instance of the concept that contains it."""
+    """While enabled, the relation that is declared is kept true on its map.
+
+    sql  the text that it was declared by, if it was
+    """
 
     query_id: int
     map: str
-    name: str
-    predicate: str
-    concept: str
+    declaration: Declaration
     enabled: bool
+    sql: str | None = None
+
+    @property
+    def name(self) -> str:
+        return self.declaration.name
 
 
 def list_queries(
@@ -33,7 +50,7 @@ def list_queries(
     if map_name is not None:
         found = found.where(map_.c.name == map_name)
     with translated():
-        return tuple(Query(*row) for row in connection.execute(found.limit(limit)))
+        return tuple(_query(row._mapping) for row in connection.execute(found.limit(limit)))
 
 
 def get_query(connection: Connection, query_id: int) -> Query:
@@ -42,24 +59,42 @@ def get_query(connection: Connection, query_id: int) -> Query:
         row = connection.execute(_QUERIES.where(continuous_query.c.query_id == query_id)).one_or_none()
     if row is None:
         raise NotFound("query", query_id, "List the queries to see their ids.")
-    return Query(*row)
+    return _query(row._mapping)
 
 
-def add_query(connection: Connection, map_name: str, name: str, concept_name: str) -> Query:
-    """A new query for which tracks each instance of a concept, or of one below it, contains.
+def add_query(
+    connection: Connection, map_name: str, declaration: Declaration, *, sql: str | None = None
+) -> Query:
+    """A new query; the relations that hold now hold with its transaction, as changes with the cause `map`.
 
-    raises  NotFound if there is no such map, InvalidInput if there is no such concept, Conflict if the
-            name is taken
+    raises  NotFound if there is no such map, InvalidInput if a concept is unknown or the declaration asks for
+            something that cannot be kept, Conflict if the name is taken
     """
     map_id = map_id_of(connection, map_name)
-    object_concept_id = concept_id(connection, concept_name)
+    values = columns_of(connection, declaration)
     with translated():
         query_id = connection.scalar(
             insert(continuous_query)
-            .values(map_id=map_id, name=name, predicate="contains", object_concept_id=object_concept_id)
+            .values(map_id=map_id, sql=sql, **values)
             .returning(continuous_query.c.query_id)
         )
     return get_query(connection, int(query_id or 0))
+
+
+def change_query(
+    connection: Connection, query_id: int, declaration: Declaration, *, sql: str | None = None
+) -> Query:
+    """Let a query ask something else from now on; what holds by that begins or ends now, with the cause `map`.
+
+    raises  as `add_query` does; Conflict also where rules read it by another name
+    """
+    get_query(connection, query_id)
+    values = columns_of(connection, declaration)
+    with translated():
+        connection.execute(
+            update(continuous_query).where(continuous_query.c.query_id == query_id).values(sql=sql, **values)
+        )
+    return get_query(connection, query_id)
 
 
 def enable_query(connection: Connection, query_id: int, enabled: bool) -> Query:
@@ -90,15 +125,114 @@ def delete_query(connection: Connection, query_id: int) -> None:
         connection.execute(delete(continuous_query).where(continuous_query.c.query_id == query_id))
 
 
+def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str, object]:
+    """A declaration as the columns of `continuous_query`; raises as `add_query` does."""
+    _check(declaration)
+    for side in (declaration.subject, declaration.object):
+        if side.where is not None:
+            with translated():
+                connection.execute(select(func.semap.check_condition(json.dumps(dict(side.where)))))
+    sure, between = declaration.certainty, declaration.between_samples
+    return {
+        "name": declaration.name,
+        "predicate": declaration.predicate,
+        **_side(connection, "object", declaration.object),
+        **_side(connection, "subject", declaration.subject),
+        "distance_m": declaration.distance_m,
+        "abstraction": declaration.abstraction,
+        "dimensions": declaration.dimensions,
+        "enter_margin_m": declaration.debounce.enter_margin_m,
+        "leave_margin_m": declaration.debounce.leave_margin_m,
+        "enter_confirm": timedelta(seconds=declaration.debounce.enter_confirm_s),
+        "leave_confirm": timedelta(seconds=declaration.debounce.leave_confirm_s),
+        "enter_probability": None if sure is None else sure.enter,
+        "leave_probability": None if sure is None else sure.leave,
+        "widest_std_m": None if sure is None else sure.widest_std_m,
+        "longest_gap": None if between is None else timedelta(seconds=between.longest_gap_s),
+        "fastest_mps": None if between is None else between.fastest_mps,
+        "payload": dict(declaration.payload),
+    }
+
+
+def _check(declaration: Declaration) -> None:
+    """raises InvalidInput"""
+    if declaration.predicate not in KEPT:
+        raise InvalidInput(
+            f"the predicate {declaration.predicate} cannot be kept true", f"Use one of {', '.join(KEPT)}."
+        )
+    if (declaration.subject.kind, declaration.object.kind) != ("track", "instance"):
+        raise InvalidInput(
+            "only relations of tracks to instances can be kept true",
+            "Let the subject be tracks and the object instances.",
+        )
+    if declaration.abstraction not in FLAT:
+        raise InvalidInput(
+            f"tracks cannot be compared with the abstraction {declaration.abstraction}",
+            f"Use one of {', '.join(FLAT)}.",
+        )
+    needs_distance = declaration.predicate == "within_distance" or declaration.predicate in OF_A_DIRECTION
+    if needs_distance and declaration.distance_m is None:
+        raise InvalidInput(
+            f"{declaration.predicate} needs a distance", "Say how far it reaches [m]: --distance, distance_m."
+        )
+    if declaration.distance_m is not None and not needs_distance:
+        raise InvalidInput(f"{declaration.predicate} takes no distance", "Leave it out.")
+
+
+def _side(connection: Connection, name: str, side: Side) -> Mapping[str, object]:
+    return {
+        f"{name}_concept_id": None if side.concept is None else concept_id(connection, side.concept),
+        f"{name}_uids": None if side.uids is None else list(side.uids),
+        f"{name}_where": None if side.where is None else dict(side.where),
+    }
+
+
+def _query(row: Mapping[str, Any]) -> Query:
+    return Query(row["query_id"], row["map_name"], _declaration(row), row["enabled"], row["sql"])
+
+
+def _declaration(columns: Mapping[str, Any]) -> Declaration:
+    sure = between = None
+    if columns["enter_probability"] is not None:
+        sure = Certainty(columns["enter_probability"], columns["leave_probability"], columns["widest_std_m"])
+    if columns["longest_gap"] is not None:
+        between = BetweenSamples(columns["longest_gap"].total_seconds(), columns["fastest_mps"])
+    return Declaration(
+        name=columns["name"],
+        predicate=columns["predicate"],
+        subject=_read_side("track", "subject", columns),
+        object=_read_side("instance", "object", columns),
+        distance_m=columns["distance_m"],
+        abstraction=columns["abstraction"],
+        dimensions=columns["dimensions"],
+        debounce=Debounce(
+            columns["enter_margin_m"],
+            columns["leave_margin_m"],
+            columns["enter_confirm"].total_seconds(),
+            columns["leave_confirm"].total_seconds(),
+        ),
+        certainty=sure,
+        between_samples=between,
+        payload=columns["payload"],
+    )
+
+
+def _read_side(kind: Kind, name: str, columns: Mapping[str, Any]) -> Side:
+    uids = columns[f"{name}_uids"]
+    return Side(
+        kind, columns[f"{name}_concept"], None if uids is None else tuple(uids), columns[f"{name}_where"]
+    )
+
+
+_SUBJECT = concept.alias("subject_concept")
 _QUERIES = (
     select(
-        continuous_query.c.query_id,
-        map_.c.name,
-        continuous_query.c.name,
-        continuous_query.c.predicate,
-        concept.c.name,
-        continuous_query.c.enabled,
+        continuous_query,
+        map_.c.name.label("map_name"),
+        concept.c.name.label("object_concept"),
+        _SUBJECT.c.name.label("subject_concept"),
     )
     .join(map_, map_.c.map_id == continuous_query.c.map_id)
-    .join(concept, concept.c.concept_id == continuous_query.c.object_concept_id)
+    .outerjoin(concept, concept.c.concept_id == continuous_query.c.object_concept_id)
+    .outerjoin(_SUBJECT, _SUBJECT.c.concept_id == continuous_query.c.subject_concept_id)
 )

@@ -261,6 +261,9 @@ source = Table(
     Column("lateness", INTERVAL, nullable=False),
     Column("idle", Boolean, nullable=False),
     Column("ended", Boolean, nullable=False),
+    *_doubles("jump_m", nullable=True),
+    *_doubles("jump_mps"),
+    Column("outliers", BigInteger, nullable=False),
     UniqueConstraint("map_id", "name"),
 )
 
@@ -272,6 +275,8 @@ source_count = Table(
     Column("lines", BigInteger, nullable=False),
     Column("object_states", BigInteger, nullable=False),
     Column("received_at", STAMP, nullable=False),
+    *(Column(name, STAMP, nullable=False) for name in ("frame_stamp", "placed_stamp")),
+    Column("frame_tracks", Integer),
 )
 
 recording = Table(
@@ -297,6 +302,8 @@ track = Table(
     _ref("map_id", "map.map_id"),
     _text("name"),
     Column("ended_at", STAMP),
+    _ref("concept_id", "concept.concept_id", None, nullable=True),
+    Column("attributes", JSONB, nullable=False),
     UniqueConstraint("source_id", "name"),
 )
 
@@ -324,7 +331,11 @@ track_now = Table(
     Column("stamp", STAMP, nullable=False),
     *_doubles("x_m", "y_m", "z_m", nullable=True),
     Column("std_m", REAL),
-    Column("region_ids", ARRAY(Integer), nullable=False),
+    *(Column(name, ARRAY(Integer), nullable=False) for name in ("region_ids", "careful_ids")),
+    *_reals("calm_std_m"),
+    Column("calm_until", STAMP, nullable=False),
+    Column("outlier_stamp", STAMP),
+    *_doubles("outlier_x_m", "outlier_y_m", nullable=True),
     *_doubles("calm_x_min_m", "calm_x_max_m", "calm_y_min_m", "calm_y_max_m"),
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
@@ -388,9 +399,32 @@ continuous_query = Table(
     _ref("map_id", "map.map_id"),
     _text("name"),
     _text("predicate"),
-    _ref("object_concept_id", "concept.concept_id", None),
+    _ref("object_concept_id", "concept.concept_id", None, nullable=True),
+    Column("object_uids", ARRAY(Uuid)),
+    Column("object_where", JSONB),
+    _ref("subject_concept_id", "concept.concept_id", None, nullable=True),
+    Column("subject_uids", ARRAY(Uuid)),
+    Column("subject_where", JSONB),
+    *_doubles("distance_m", nullable=True),
+    _text("abstraction"),
+    Column("dimensions", SmallInteger, nullable=False),
+    *_doubles("enter_margin_m", "leave_margin_m"),
+    *(Column(name, INTERVAL, nullable=False) for name in ("enter_confirm", "leave_confirm")),
+    *_doubles("enter_probability", "leave_probability", "widest_std_m", nullable=True),
+    Column("longest_gap", INTERVAL),
+    *_doubles("fastest_mps", nullable=True),
+    Column("payload", JSONB, nullable=False),
+    _text("sql", nullable=True),
     Column("enabled", Boolean, nullable=False),
     UniqueConstraint("map_id", "name"),
+)
+
+query_track = Table(
+    "query_track",
+    METADATA,
+    _ref("query_id", "continuous_query.query_id", primary_key=True),
+    _ref("track_id", "track.track_id", primary_key=True),
+    Column("map_id", Integer, nullable=False),
 )
 
 region = Table(
@@ -405,6 +439,15 @@ region = Table(
     Column("map_id", Integer, nullable=False),
     _shape("footprint"),
     *_doubles("z_min_m", "z_max_m"),
+    _text("predicate"),
+    *(_shape(name, nullable=True) for name in ("shape", "core", "reach")),
+    *_doubles("distance_m", nullable=True),
+    *(Column(name, INTERVAL, nullable=False) for name in ("enter_confirm", "leave_confirm")),
+    *_doubles("enter_stds", "leave_stds", "widest_std_m", nullable=True),
+    Column("longest_gap", INTERVAL),
+    *_doubles("fastest_mps", nullable=True),
+    _text("subject", nullable=True),
+    Column("careful", Boolean, nullable=False),
     UniqueConstraint("query_id", "instance_id"),
 )
 
@@ -415,7 +458,7 @@ region_cell = Table(
     Column("cell_x", Integer, primary_key=True, autoincrement=False),
     Column("cell_y", Integer, primary_key=True, autoincrement=False),
     _ref("region_id", "region.region_id", primary_key=True),
-    Column("whole", Boolean, nullable=False),
+    *(Column(name, Boolean, nullable=False) for name in ("whole", "careful")),
     *_doubles("z_min_m", "z_max_m"),
 )
 
@@ -427,6 +470,18 @@ region_edge = Table(
     Column("cell_y", Integer, nullable=False),
     _ref("region_id", "region.region_id"),
     *_doubles("x_min_m", "x_max_m", "y_min_m", "y_max_m"),
+    *_reals("stds"),
+)
+
+verge = Table(
+    "verge",
+    METADATA,
+    _ref("track_id", "track.track_id", primary_key=True),
+    _ref("region_id", "region.region_id", primary_key=True),
+    Column("map_id", Integer, nullable=False),
+    *(Column(name, Boolean, nullable=False) for name in ("held", "inside", "side")),
+    *(Column(name, STAMP) for name in ("inside_at", "side_at")),
+    *_doubles("x_m", "y_m", nullable=True),
 )
 
 relation = Table(
@@ -457,6 +512,18 @@ relation_change = Table(
     Column("stamp", STAMP, nullable=False),
     Column("since", STAMP, nullable=False),
     Column("received_at", STAMP, nullable=False),
+    Column("edge_at", STAMP, nullable=False),
+    *_doubles("x_m", "y_m", nullable=True),
+)
+
+relation_past = Table(
+    "relation_past",
+    METADATA,
+    _id("relation_past_id", BigInteger),
+    *(Column(name, Integer, nullable=False) for name in ("map_id", "query_id")),
+    *(Column(name, BigInteger, nullable=False) for name in ("track_id", "instance_id")),
+    *(_text(name) for name in ("query_name", "track_name", "instance_name")),
+    *(Column(name, STAMP, nullable=False) for name in ("since", "until")),
 )
 
 object_state = Table(

@@ -132,7 +132,8 @@ def _add_positions(
     found: Sequence[dict[str, Value]],
 ) -> None:
     asked = [
-        (place, to_datetime(row.own_stamp_us), row.values["track_id"])
+        # a relation that was known later than it was is placed where it was known
+        (place, to_datetime(row.stamp_us if row.source == "relation" else row.own_stamp_us), row.values["track_id"])
         for place, row in enumerate(rows)
         if _input(row) in inputs and row.values.get("track_id") is not None
     ]

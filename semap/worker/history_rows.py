@@ -33,7 +33,7 @@ TABLES: Mapping[Source, str] = {
 STATEMENTS: Mapping[Source, str] = {
     "relation": """
         select uid::text, query_name, track_id::text, track_name, instance_id::text, instance_name,
-               kind::text, cause::text, stamp::text, since::text
+               kind::text, cause::text, stamp::text, since::text, edge_at::text
         from semap.relation_change c
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s)
           and c.stamp between %(first)s and %(last)s and c.received_at >= %(received_from)s
@@ -63,7 +63,8 @@ HELD: Mapping[Source, str] = {
     "relation": """
         select distinct on (c.query_id, c.track_id, c.instance_id)
                c.uid::text, c.query_name, c.track_id::text, c.track_name, c.instance_id::text,
-               c.instance_name, c.kind::text, c.cause::text, c.stamp::text, c.since::text
+               c.instance_name, c.kind::text, c.cause::text, c.stamp::text, c.since::text,
+               c.edge_at::text
         from semap.relation_change c
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s) and c.stamp < %(first)s
           and (c.change_id <= %(change_id)s or %(change_id)s is null)

@@ -23,7 +23,7 @@ UNKNOWN = Facts(0, MappingProxyType({}), ())
 
 
 def relation_row(row: TableRow, facts: MapFacts) -> Row:
-    """The change of a relation, of `relation_change`.
+    """The change of a relation, of `relation_change`: it stands where it was known, and says when it was.
 
     raises KeyError, ValueError or InvalidInput if a column is missing or holds something else
     """
@@ -40,7 +40,7 @@ def relation_row(row: TableRow, facts: MapFacts) -> Row:
         "track": text_of(row, "track_name"),
         "track_id": integer_of(row, "track_id"),
     }
-    return _row(row, facts, "relation", rank, values)
+    return _row(row, facts, "relation", rank, values, row.get("edge_at"))
 
 
 def object_state_row(row: TableRow, facts: MapFacts) -> Row:
@@ -141,15 +141,22 @@ def _row(
     source: str,
     rank: int,
     values: dict[str, Value],
+    was: str | None = None,
 ) -> Row:
-    """What the rows of all tables have in common: when, how long, and of which instance."""
+    """What the rows of all tables have in common: when, how long, and of which instance.
+
+    was  the stamp at which it happened, if it was known later than that
+    """
     stamp_us = parse_stamp(text_of(row, "stamp"))
-    values["stamp"] = stamp_us
+    was_us = stamp_us if was is None else parse_stamp(was)
+    values["stamp"] = was_us
+    if was_us != stamp_us:
+        values["confirmed"] = stamp_us
     since = row["since"]
     if since is not None:
         since_us = parse_stamp(since)
         values["since"] = since_us
-        values["duration_s"] = (stamp_us - since_us) / 1e6
+        values["duration_s"] = (was_us - since_us) / 1e6
     known = UNKNOWN
     if row["instance_id"] is not None:
         instance_id = int(row["instance_id"])

@@ -29,7 +29,7 @@ from semap.worker.stretch import Stretch
 SINCE = {
     "relation_change": """
         select map_id::text, uid::text, query_name, track_id::text, track_name, instance_id::text,
-               instance_name, kind::text, cause::text, stamp::text, since::text,
+               instance_name, kind::text, cause::text, stamp::text, since::text, edge_at::text,
                case when c.received_at > p.updated_at then 't' else 'f' end as is_new
         from semap.relation_change c, semap.progress p
         where p.worker = %(worker)s and c.received_at > p.updated_at - interval '10 minutes'

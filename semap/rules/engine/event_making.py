@@ -72,7 +72,7 @@ class EventMaker:
             of_instance.get("instance_id"),  # type: ignore[arg-type]
             of_instance.get("instance"),  # type: ignore[arg-type]
             self._key_by_name(key, match, of_track),
-            match.measures,
+            _with_confirmation(match),
             match.confidence,
             tuple(evidence),
         )
@@ -135,3 +135,11 @@ def _last_with(rows: Sequence[Row], name: str) -> Mapping[str, Value]:
         if row.values.get(name) is not None:
             return row.values
     return NOTHING
+
+
+def _with_confirmation(match: Match) -> Mapping[str, Value]:
+    """What a match measures, and as `confirmed` when it was known, if that was later than it was."""
+    known_us = max((row.stamp_us for _, row in match.rows if "confirmed" in row.values), default=None)
+    if known_us is None or known_us <= match.stamp_us:
+        return match.measures
+    return {"confirmed": to_datetime(known_us).isoformat(), **match.measures}

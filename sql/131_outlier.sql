@@ -1,0 +1,94 @@
+-- The gate for outliers. A place that asks for a longer way than `jump_m` and `jump_mps` of its source allow since the
+-- last one is set aside: it moves nothing. If the next state fits to it rather than to what was before, the track did
+-- jump, and is there from that state on; if not, it was an outlier, and is counted.
+
+-- Whether one place can follow on another.
+create or replace function semap.can_follow(
+  p_source semap.source, p_gap interval, p_dx_m double precision, p_dy_m double precision
+) returns boolean
+language sql immutable parallel safe as $$
+  select sqrt(p_dx_m ^ 2 + p_dy_m ^ 2) <= (p_source).jump_m + (p_source).jump_mps * extract(epoch from p_gap)
+$$;
+comment on function semap.can_follow is
+  'Whether one place can follow on another, some time later.';
+
+-- Whether a state is so far from where its track was that the gate has to look at it. Of several states that follow on
+-- each other, one is, if any step between them is too long.
+create or replace function semap.is_far(
+  p_source semap.source, p_live boolean, p_dx_m double precision, p_dy_m double precision
+) returns boolean
+language sql immutable parallel safe as $$
+  select p_live and p_dx_m ^ 2 + p_dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2
+$$;
+comment on function semap.is_far is
+  'Whether a state is so far from where its track was that the gate has to look at it.';
+
+-- Keep with a track what was set aside of it, or that nothing is. It is looked up at its next state.
+create or replace function semap.set_aside(p_track_id bigint, p_state semap.arrival) returns void
+language sql as $$
+  update semap.track_now
+  set outlier_stamp = (p_state).stamp, outlier_x_m = (p_state).x_m, outlier_y_m = (p_state).y_m,
+      calm_until = case when (p_state).stamp is null then 'infinity' else '-infinity' end::timestamptz
+  where track_id = p_track_id and (outlier_stamp is not null or (p_state).stamp is not null)
+$$;
+comment on function semap.set_aside is
+  'Keep with a track what was set aside of it, or that nothing is.';
+
+-- The states of these that pass the gate. What is set aside is kept with its track, which is looked up at its next state.
+-- A track whose last state does not pass ends where it was.
+create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
+language plpgsql as $$
+declare
+  v_state     semap.arrival;
+  v_before    semap.arrival;
+  v_aside     semap.arrival;
+  v_passes    boolean;
+  v_passed    semap.arrival[];
+  v_outliers  bigint := 0;
+begin
+  for v_state in select * from unnest(p_arrivals) order by track_id, stamp loop
+    if v_before.track_id is distinct from v_state.track_id then
+      perform semap.set_aside(v_before.track_id, v_aside);
+      v_before := v_state;
+      v_before.stamp := v_state.seen_stamp;
+      v_before.x_m := v_state.from_x_m;
+      v_before.y_m := v_state.from_y_m;
+      v_before.z_m := v_state.from_z_m;
+      v_aside := null;
+      select outlier_stamp, outlier_x_m, outlier_y_m into v_aside.stamp, v_aside.x_m, v_aside.y_m
+      from semap.track_now where track_id = v_state.track_id;
+    end if;
+    v_passes := not v_before.live
+      or semap.can_follow(p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m);
+    if v_aside.stamp < v_state.stamp then
+      if not v_passes and semap.can_follow(p_source, v_state.stamp - v_aside.stamp,
+                                           v_state.x_m - v_aside.x_m, v_state.y_m - v_aside.y_m) then
+        v_passes := true;
+      else
+        v_outliers := v_outliers + 1;
+      end if;
+      v_aside := null;
+    end if;
+    if not v_passes and v_state.is_last then
+      v_outliers := v_outliers + 1;
+      v_state.x_m := v_before.x_m;
+      v_state.y_m := v_before.y_m;
+      v_state.z_m := v_before.z_m;
+      v_passes := true;
+    end if;
+    if v_passes then
+      v_passed := v_passed || v_state;
+      v_before := v_state;
+      v_before.live := not v_state.is_last;
+    else
+      v_aside := v_state;
+    end if;
+  end loop;
+  perform semap.set_aside(v_before.track_id, v_aside);
+  if v_outliers > 0 then
+    update semap.source set outliers = outliers + v_outliers where source_id = (p_source).source_id;
+  end if;
+  return v_passed;
+end $$;
+comment on function semap.gated is
+  'The states of these that pass the gate for outliers.';

@@ -1,0 +1,47 @@
+-- Where tracks are, while track_now is written late (sql/135).
+
+-- Write the place of each live track of these sources that has a newer one.
+create or replace function semap.settle_places(p_source_ids integer[]) returns void
+language plpgsql as $$
+declare
+  v_count  semap.source_count;
+begin
+  for v_count in
+    select * from semap.source_count
+    where source_id = any (p_source_ids) and frame_stamp > placed_stamp order by source_id
+  loop
+    update semap.track_now t
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m,
+        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
+    from semap.track_state s
+    where t.source_id = v_count.source_id and t.live and t.stamp < v_count.frame_stamp
+      and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
+    update semap.source_count set placed_stamp = frame_stamp where source_id = v_count.source_id;
+  end loop;
+end $$;
+comment on function semap.settle_places is
+  'Write the place of each live track of these sources that has a newer one.';
+
+-- Whether places of the tracks of a source may be written late: no query asks for the way between two samples, and no
+-- calm is so wide that the gate for outliers could not do without the exact place.
+create or replace function semap.may_place_late(p_source_id integer, p_map_id integer, p_cell_m double precision)
+returns boolean
+language plpgsql stable as $$  -- which keeps its plan
+begin
+  return coalesce((select jump_m >= 4 * p_cell_m or jump_m is null from semap.source where source_id = p_source_id), false)
+    and not exists (select from semap.region where map_id = p_map_id and careful and longest_gap is not null);
+end $$;
+comment on function semap.may_place_late is
+  'Whether places of the tracks of a source may be written late.';
+
+-- Count states that came late, and note which tracks began earlier than was known.
+create or replace function semap.note_late(p_source_id integer, p_late semap.arrival[]) returns void
+language plpgsql as $$
+begin
+  update semap.source set late_states = late_states + cardinality(p_late) where source_id = p_source_id;
+  update semap.track_now t set first_stamp = n.stamp
+  from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
+  where t.track_id = n.track_id and n.stamp < t.first_stamp;
+end $$;
+comment on function semap.note_late is
+  'Count states that came late, and note which tracks began earlier than was known.';
