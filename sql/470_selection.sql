@@ -36,18 +36,33 @@ $$;
 comment on function semap.without_accents is
   'A text without its accents, so that é and e are alike.';
 
--- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.
+-- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part is
+-- looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
 create or replace function semap.instant_of(p_text text) returns timestamptz
 language plpgsql immutable parallel safe as $$
+declare
+  v_zone_at   integer := length(p_text) - case when right(p_text, 1) in ('Z', 'z') then 0 else 5 end;
+  v_fraction  text;
+  v_month     date;
 begin
-  if p_text ~ '^\d{4}-\d\d-\d\d$' then
-    return (p_text || 'T00:00:00Z')::timestamptz;
-  elsif p_text ~ '^\d{4}-\d\d-\d\d[Tt]\d\d:\d\d:\d\d(\.\d+)?([Zz]|[+-]\d\d:\d\d)$' then
-    return p_text::timestamptz;
+  if p_text ~ '^[0-9]{4}-(0[1-9]|1[0-2])-[0-9]{2}([Tt][0-9]{2}:[0-5][0-9]:[0-9]{2}(\.[0-9]+)?([Zz]|[+-][0-9]{2}:[0-5][0-9]))?$'
+     is not true or left(p_text, 4) = '0000' then
+    return null;
   end if;
-  return null;
-exception when data_exception then
-  return null;
+  v_month := make_date(left(p_text, 4)::integer, substr(p_text, 6, 2)::integer, 1);
+  if substr(p_text, 9, 2)::integer not between 1 and (v_month + interval '1 month')::date - v_month then
+    return null;
+  elsif length(p_text) = 10 then
+    return (p_text || 'T00:00:00Z')::timestamptz;
+  end if;
+  v_fraction := '0' || substr(p_text, 20, least(v_zone_at - 20, 20));
+  if substr(p_text, 18, 2) > '60'
+     or substr(p_text, 12, 2)::integer * 3600 + substr(p_text, 15, 2)::integer * 60 + substr(p_text, 18, 2)::integer
+        + round(v_fraction::double precision * 1e6) / 1e6 > 86400
+     or substr(p_text, v_zone_at + 1, 2) > '15' then
+    return null;
+  end if;
+  return (left(p_text, 19) || substr(v_fraction, 2) || substr(p_text, v_zone_at))::timestamptz;
 end $$;
 comment on function semap.instant_of is
   'The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.';
