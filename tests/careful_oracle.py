@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import ceil, acos, hypot, pi
+from math import acos, ceil, hypot, pi
 from statistics import NormalDist
 
 import shapely

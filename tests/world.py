@@ -135,7 +135,9 @@ class World:
         }
         columns = ", ".join(f"{name} = %s" for name in values)
         self.run(
-            f"update semap.continuous_query set {columns} where query_id = %s", *values.values(), self.query_id
+            f"update semap.continuous_query set {columns} where query_id = %s",
+            *values.values(),
+            self.query_id,
         )
 
     def add_samples(self, track_id: int, samples: Sequence[Sample]) -> None:

@@ -68,7 +68,8 @@ CHANGE = (
     # a crossing as it is found, before it is written
     """
     alter type semap.crossing
-      add attribute edge_at timestamptz, add attribute x_m double precision, add attribute y_m double precision
+      add attribute edge_at timestamptz,
+      add attribute x_m double precision, add attribute y_m double precision
     """,
     # a state, with what is known of its track before it
     """

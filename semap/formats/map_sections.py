@@ -53,6 +53,8 @@ RULE_CLAUSES = (
     "emit",
     "confidence",
 )
+QUERY_OPTIONS = ("subject", "object", "distance_m", "abstraction", "dimensions", "debounce", "certainty",
+                 "between_samples", "payload")  # fmt: skip
 WHOLE_RULE = ("query", "queries", "declaration")
 
 
@@ -177,12 +179,14 @@ def read_instances(node: Node, draft: Draft) -> None:
 def read_queries(node: Node, draft: Draft) -> None:
     """Continuous queries."""
     for name, entry in node.mapping().items():
-        fields = entry.fields(("predicate", "concept", "enabled"))
-        if "concept" not in fields:
+        fields = entry.fields(("predicate", "concept", "enabled", *QUERY_OPTIONS))
+        if "concept" not in fields and "object" not in fields:
             raise entry.wrong("`concept` is missing", "Write the kind of thing that contains the tracks.")
         draft.given("query", name, entry)
         predicate = fields["predicate"].text() if "predicate" in fields else "contains"
-        draft.queries.append(QueryEntry(name, predicate, fields["concept"].text(), _enabled(fields)))
+        concept = fields["concept"].text() if "concept" in fields else None
+        options = {option: fields[option].json() for option in QUERY_OPTIONS if option in fields}
+        draft.queries.append(QueryEntry(name, predicate, concept, _enabled(fields), options))
 
 
 def read_rules(node: Node, draft: Draft) -> None:

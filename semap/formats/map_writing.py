@@ -40,7 +40,12 @@ def map_files(document: MapDocument) -> dict[str, bytes]:
     tree["descriptions"] = {each.key: _description(each, mesh_paths) for each in private}
     tree["instances"] = {each.name: _instance(each) for each in document.instances}
     tree["queries"] = {
-        each.name: Flow(predicate=each.predicate, concept=each.concept, enabled=each.enabled)
+        each.name: Flow(
+            predicate=each.predicate,
+            **({} if each.concept is None else {"concept": each.concept}),
+            enabled=each.enabled,
+            **(each.options if each.concept is not None else {"object": {}, **each.options}),
+        )
         for each in document.queries
     }
     tree["rules"] = {

@@ -7,9 +7,11 @@ track". Which of the two is written first follows the predicate's reading and ch
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
 from uuid import UUID
+
+from semap.errors import InvalidInput
 
 Predicate = Literal[
     "contains",  # the object's interior holds the subject: ST_Contains(object, subject)
@@ -119,3 +121,58 @@ class Declaration:
     certainty: Certainty | None = None
     between_samples: BetweenSamples | None = None
     payload: Mapping[str, str] = field(default_factory=dict)
+
+
+PARTS = {"debounce": Debounce, "certainty": Certainty, "between_samples": BetweenSamples}
+
+
+def options_of(declaration: Declaration) -> Mapping[str, object]:
+    """What a declaration says beyond its name, predicate and its object's concept, as JSON; no defaults."""
+    plain = Declaration(
+        declaration.name, declaration.predicate, Side("track"), Side("instance", declaration.object.concept)
+    )
+    found: dict[str, object] = {}
+    for each in fields(Declaration):
+        value = getattr(declaration, each.name)
+        if value == getattr(plain, each.name):
+            continue
+        if isinstance(value, Side):
+            value = {
+                "concept": None if each.name == "object" else value.concept,
+                "uids": None if value.uids is None else [str(uid) for uid in value.uids],
+                "where": None if value.where is None else dict(value.where),
+            }
+            value = {key: said for key, said in value.items() if said is not None}
+        elif each.name in PARTS:
+            value = asdict(value)
+        elif isinstance(value, Mapping):
+            value = dict(value)
+        found[each.name] = value
+    return found
+
+
+def declared(name: str, predicate: str, concept: str | None, options: Mapping[str, object]) -> Declaration:
+    """A declaration of what `options_of` gave.
+
+    raises  InvalidInput if it is not of that form
+    """
+    try:
+        said: dict[str, Any] = dict(options)
+        for part, kind in PARTS.items():
+            if part in said:
+                said[part] = kind(**said[part])
+        for side, kind_of in (("subject", "track"), ("object", "instance")):
+            given = dict(said.pop(side, {}))
+            uids = given.pop("uids", None)
+            said[side] = Side(
+                kind=kind_of,  # type: ignore[arg-type]
+                concept=given.pop("concept", concept if side == "object" else None),
+                uids=None if uids is None else tuple(UUID(uid) for uid in uids),
+                where=given.pop("where", None),
+                **given,
+            )
+        return Declaration(name=name, predicate=predicate, **said)  # type: ignore[arg-type]
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InvalidInput(
+            f"the query does not say what it asks: {error}", "Write it as an exported map has it.", name
+        ) from error

@@ -86,12 +86,17 @@ class InstanceEntry:
 
 @dataclass(frozen=True)
 class QueryEntry:
-    """A continuous query."""
+    """A continuous query.
+
+    concept  of its objects; None: any
+    options  what else it asks, as `semap.model.continuous_query.options_of` gives it
+    """
 
     name: str
     predicate: str
-    concept: str
+    concept: str | None
     enabled: bool = True
+    options: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from sqlalchemy import Connection, func, select, text
 
 from semap.geometry.pose import pose_from_matrix
 from semap.model.building import HeightBand
+from semap.model.continuous_query import options_of
 from semap.model.map_document import (
     ConceptEntry,
     DescriptionEntry,
@@ -34,10 +35,10 @@ from semap.store.description import read_geometries
 from semap.store.grids import read_grids
 from semap.store.maps import get_map, map_id_of
 from semap.store.placement import PARTS, map_from_frames
+from semap.store.queries import list_queries
 from semap.store.tables import (
     abstraction,
     concept,
-    continuous_query,
     description,
     door_room,
     frame,
@@ -66,7 +67,7 @@ def export_map(connection: Connection, name: str) -> MapDocument:
         frames=_frames(connection, known.map_id),
         descriptions=descriptions,
         instances=instances,
-        queries=_queries(connection, known.map_id),
+        queries=_queries(connection, known.name),
         rules=_rules(connection, known.map_id),
         grids=read_grids(connection, name),
     )
@@ -217,20 +218,17 @@ def _instances(connection: Connection, map_id: int, keys: Mapping[int, str]) -> 
     )
 
 
-def _queries(connection: Connection, map_id: int) -> tuple[QueryEntry, ...]:
-    with translated():
-        rows = connection.execute(
-            select(
-                continuous_query.c.name,
-                continuous_query.c.predicate,
-                concept.c.name,
-                continuous_query.c.enabled,
+def _queries(connection: Connection, map_name: str) -> tuple[QueryEntry, ...]:
+    found: list[QueryEntry] = []
+    last_id = 0
+    while page := list_queries(connection, map_name=map_name, after=last_id):
+        last_id = page[-1].query_id
+        for each in page:
+            asked = each.declaration
+            found.append(
+                QueryEntry(asked.name, asked.predicate, asked.object.concept, each.enabled, options_of(asked))
             )
-            .join(concept, concept.c.concept_id == continuous_query.c.object_concept_id)
-            .where(continuous_query.c.map_id == map_id)
-            .order_by(continuous_query.c.name)
-        )
-        return tuple(QueryEntry(*row) for row in rows)
+    return tuple(sorted(found, key=lambda entry: entry.name))
 
 
 def _rules(connection: Connection, map_id: int) -> tuple[RuleEntry, ...]:

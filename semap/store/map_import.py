@@ -10,6 +10,7 @@ from sqlalchemy import Connection, insert, select, text
 from semap.errors import InvalidInput
 from semap.geometry.abstractions import derive
 from semap.model.building import Finding
+from semap.model.continuous_query import declared
 from semap.model.map_document import ConceptEntry, FrameEntry, InstanceEntry, MapDocument, StampedPose
 from semap.model.pose import IDENTITY
 from semap.store.anchor import set_anchor
@@ -26,6 +27,7 @@ from semap.store.description import insert_descriptions, write_descriptions
 from semap.store.grids import put_grid
 from semap.store.maps import create_map
 from semap.store.placement import PARTS, ROOT_FRAME, normalised
+from semap.store.queries import columns_of
 from semap.store.tables import concept, continuous_query, one_of, rule
 
 INSERT_FRAMES = text("""
@@ -259,22 +261,12 @@ def _insert_instances(
 
 def _insert_queries(connection: Connection, map_id: int, document: MapDocument) -> None:
     with translated():
-        concept_ids = dict(connection.execute(select(concept.c.name, concept.c.concept_id)).all())
         query_ids: dict[str, int] = {}
         for query in document.queries:
-            if query.predicate != "contains":
-                raise InvalidInput(f"there is no predicate {query.predicate}", "Use contains.", query.name)
-            if query.concept not in concept_ids:
-                raise InvalidInput(f"there is no concept {query.concept}", "Add it.", query.name)
+            asked = declared(query.name, query.predicate, query.concept, query.options)
             query_ids[query.name] = connection.scalar(
                 insert(continuous_query)
-                .values(
-                    map_id=map_id,
-                    name=query.name,
-                    predicate=query.predicate,
-                    object_concept_id=concept_ids[query.concept],
-                    enabled=query.enabled,
-                )
+                .values(map_id=map_id, enabled=query.enabled, **columns_of(connection, asked))
                 .returning(continuous_query.c.query_id)
             )
         for each in document.rules:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
+from typing import Any, Literal, get_args
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, cast, delete, func, insert, select, update
+from sqlalchemy.dialects.postgresql import JSONB
 
+from semap.cql2 import parse
+from semap.cql2.text import read_text
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, Declaration, Kind, Side
 from semap.store.concept import concept_id
@@ -17,11 +19,14 @@ from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
-OF_A_DIRECTION = ("in_front_of", "behind", "left_of", "right_of")
-KEPT = ("contains", "covers", "within_distance", "on", *OF_A_DIRECTION)
+Kept = Literal["contains", "covers", "within_distance", "on", "in_front_of", "behind", "left_of", "right_of"]
 """Predicates that can be kept true."""
-FLAT = ("Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D")
+Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D"]
 """Abstractions that have an area seen from above, or get one by a distance."""
+
+KEPT: tuple[str, ...] = get_args(Kept)
+FLAT: tuple[str, ...] = get_args(Flat)
+NEED_DISTANCE = ("within_distance", "in_front_of", "behind", "left_of", "right_of")
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ def list_queries(
     if map_name is not None:
         found = found.where(map_.c.name == map_name)
     with translated():
-        return tuple(_query(row._mapping) for row in connection.execute(found.limit(limit)))
+        return tuple(_query(dict(row._mapping)) for row in connection.execute(found.limit(limit)))
 
 
 def get_query(connection: Connection, query_id: int) -> Query:
@@ -59,7 +64,7 @@ def get_query(connection: Connection, query_id: int) -> Query:
         row = connection.execute(_QUERIES.where(continuous_query.c.query_id == query_id)).one_or_none()
     if row is None:
         raise NotFound("query", query_id, "List the queries to see their ids.")
-    return _query(row._mapping)
+    return _query(dict(row._mapping))
 
 
 def add_query(
@@ -84,7 +89,7 @@ def add_query(
 def change_query(
     connection: Connection, query_id: int, declaration: Declaration, *, sql: str | None = None
 ) -> Query:
-    """Let a query ask something else from now on; what holds by that begins or ends now, with the cause `map`.
+    """Let a query ask something else from now on; what that changes begins or ends now, with the cause `map`.
 
     raises  as `add_query` does; Conflict also where rules read it by another name
     """
@@ -130,8 +135,7 @@ def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str,
     _check(declaration)
     for side in (declaration.subject, declaration.object):
         if side.where is not None:
-            with translated():
-                connection.execute(select(func.semap.check_condition(json.dumps(dict(side.where)))))
+            _check_condition(connection, side.where)
     sure, between = declaration.certainty, declaration.between_samples
     return {
         "name": declaration.name,
@@ -170,13 +174,33 @@ def _check(declaration: Declaration) -> None:
             f"tracks cannot be compared with the abstraction {declaration.abstraction}",
             f"Use one of {', '.join(FLAT)}.",
         )
-    needs_distance = declaration.predicate == "within_distance" or declaration.predicate in OF_A_DIRECTION
+    needs_distance = declaration.predicate in NEED_DISTANCE
     if needs_distance and declaration.distance_m is None:
         raise InvalidInput(
             f"{declaration.predicate} needs a distance", "Say how far it reaches [m]: --distance, distance_m."
         )
     if declaration.distance_m is not None and not needs_distance:
         raise InvalidInput(f"{declaration.predicate} takes no distance", "Leave it out.")
+
+
+def read_condition(where: str | Mapping[str, object], place: str = "where") -> Mapping[str, object]:
+    """A condition on the tracks or instances of a query, from CQL2 text or JSON, in its JSON form.
+
+    raises  InvalidInput with the place that cannot be read
+    """
+    document = read_text(where, place) if isinstance(where, str) else where
+    if isinstance(document, Mapping):
+        parse(document, place)
+    else:
+        raise InvalidInput("it is no comparison", "Write a condition such as: name = 'Room07'", place)
+    return document
+
+
+def _check_condition(connection: Connection, where: Mapping[str, object]) -> None:
+    """Whether the database can ask it; raises InvalidInput."""
+    read_condition(where)
+    with translated():
+        connection.execute(select(func.semap.check_condition(cast(dict(where), JSONB))))
 
 
 def _side(connection: Connection, name: str, side: Side) -> Mapping[str, object]:

@@ -133,7 +133,11 @@ def _add_positions(
 ) -> None:
     asked = [
         # a relation that was known later than it was is placed where it was known
-        (place, to_datetime(row.stamp_us if row.source == "relation" else row.own_stamp_us), row.values["track_id"])
+        (
+            place,
+            to_datetime(row.stamp_us if row.source == "relation" else row.own_stamp_us),
+            row.values["track_id"],
+        )
         for place, row in enumerate(rows)
         if _input(row) in inputs and row.values.get("track_id") is not None
     ]

@@ -14,10 +14,18 @@ from world import SECOND_US, World
 
 margin = st.sampled_from([0.0, 0.0, 0.15, 0.4])
 confirm = st.sampled_from([0.0, 0.0, 0.25, 1.0, 3.0])
-ways = st.sampled_from([{}, {"longest_gap": 2.5, "fastest_mps": 6.0}, {"longest_gap": 30.0, "fastest_mps": 30.0}])
+ways = st.sampled_from(
+    [{}, {"longest_gap": 2.5, "fastest_mps": 6.0}, {"longest_gap": 30.0, "fastest_mps": 30.0}]
+)
 odds = st.sampled_from([{}, {}, {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 1.0}])
 predicate = st.sampled_from(
-    [{}, {}, {"predicate": "covers"}, {"predicate": "within_distance", "distance_m": 0.75}, {"predicate": "on"}]
+    [
+        {},
+        {},
+        {"predicate": "covers"},
+        {"predicate": "within_distance", "distance_m": 0.75},
+        {"predicate": "on"},
+    ]
 )
 asked = st.builds(
     lambda what, enter, leave, enter_s, leave_s, way, sure: Asked(

@@ -89,6 +89,11 @@ def resources(service: Service) -> dict[str, list[tuple[str, str, dict]]]:
         ],
         f"/queries/{query['id']}": [
             ("PATCH", f"/queries/{query['id']}", {"json": {"enabled": False}}),
+            (
+                "PUT",
+                f"/queries/{query['id']}",
+                {"json": {"name": "q", "concept": "Room", "predicate": "covers"}},
+            ),
             ("DELETE", f"/queries/{query['id']}", {}),
         ],
         hook: [("PATCH", hook, {"json": {"state": "paused"}}), ("DELETE", hook, {})],

@@ -99,6 +99,7 @@ def test_every_endpoint_answers_as_published(service: Service, database: str) ->
             client.post("/rules/dry-run", json=dry).raise_for_status()
         client.delete(where).raise_for_status()
         assert client.get(where).status_code == 404
+    exercise_queries(service)
     exercise_webhooks_and_jobs(service)
     exercise_tokens(service)
     exercise_what_goes_on(service, database)
@@ -107,6 +108,38 @@ def test_every_endpoint_answers_as_published(service: Service, database: str) ->
     succeeded = {name for name, status in service.seen if status < 300}
     published = operations(service.described).items()
     assert succeeded == {name for name, operation in published if "operators" not in operation["tags"]}
+
+
+def exercise_queries(service: Service) -> None:
+    """What they do is tried in tests/relation; here, that all that can be asked is told again."""
+    asked = {
+        "name": "near",
+        "predicate": "within_distance",
+        "subject": {"concept": None, "uids": None, "where": "source = 'tracker'"},
+        "object": {"concept": "Room", "uids": None, "where": "seats > 4 and name like 'R%'"},
+        "distance_m": 1.5,
+        "abstraction": "FootprintHull",
+        "dimensions": 2,
+        "debounce": {
+            "enter_margin_m": 0.1, "leave_margin_m": 0.2, "enter_confirm_s": 1.0, "leave_confirm_s": 2.5
+        },
+        "certainty": {"enter": 0.95, "leave": 0.2, "widest_std_m": 2.0},
+        "between_samples": {"longest_gap_s": 10.0, "fastest_mps": 3.0},
+    }  # fmt: skip
+    made = service.client.post("/queries", json={"map": "office", "name": "near", "concept": "Door"})
+    where = made.raise_for_status().headers["location"]
+    found = service.client.put(where, json=asked).raise_for_status().json()
+    said = {
+        **found,
+        **{side: {**found[side], "where": asked[side]["where"]} for side in ("subject", "object")},
+    }
+    assert {name: said[name] for name in asked} == asked
+    assert found["subject"]["where"] == {"op": "=", "args": [{"property": "source"}, "tracker"]}
+    assert (
+        service.client.put(where, json=found | {"object": {"where": found["object"]["where"]}}).status_code
+        == 422
+    )
+    service.client.delete(where).raise_for_status()
 
 
 def exercise_tokens(service: Service) -> None:

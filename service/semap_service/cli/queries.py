@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from semap.model.continuous_query import (
+    DEFAULT_DEBOUNCE,
+    BetweenSamples,
+    Certainty,
+    Debounce,
+    Declaration,
+    Side,
+)
 from semap_service.cli.output import print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
@@ -36,27 +44,120 @@ def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = Non
     from semap.store.queries import list_queries  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
-        rows = [asdict(found) for found in list_queries(connection, map_name=map_name, limit=1000)]
+        found = list_queries(connection, map_name=map_name, limit=1000)
+    rows = [
+        {
+            "query_id": each.query_id,
+            "map": each.map,
+            "enabled": each.enabled,
+            **_row(each.declaration, as_json),
+        }
+        for each in found
+    ]
     print_rows(rows, as_json, "No queries. A map brings one with it: semap map import BUILDING.geojson")
+
+
+def _row(asked: Declaration, whole: bool) -> dict[str, Any]:
+    """What a query asks: all of it, or what fits into a line."""
+    if whole:
+        return asdict(asked)
+    extra = [
+        f"{asked.distance_m:g} m" if asked.distance_m is not None else "",
+        "some tracks" if asked.subject != Side("track") else "",
+        "debounced" if asked.debounce != Debounce() else "",
+        "by probability" if asked.certainty is not None else "",
+        "between samples" if asked.between_samples is not None else "",
+    ]
+    return {
+        "name": asked.name,
+        "predicate": asked.predicate,
+        "concept": asked.object.concept or "any",
+        "more": ", ".join(filter(None, extra)),
+    }
 
 
 def add(
     name: Annotated[str, typer.Argument(help="A name for the query.")],
     map_name: Annotated[str, typer.Option("--map", help="The map it watches.")],
     concept: Annotated[
-        str, typer.Option(help="Which instances may contain a track, with the concepts below.")
-    ],
+        str | None, typer.Option(help="Which instances, with the concepts below. [default: any]")
+    ] = None,
+    predicate: Annotated[
+        str,
+        typer.Option(
+            help="How they relate to a track: contains, covers, within_distance, on, in_front_of, behind,"
+            " left_of, right_of."
+        ),
+    ] = "contains",
+    distance: Annotated[
+        float | None, typer.Option(help="Of within_distance; how far a direction reaches [m].")
+    ] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(help="Only instances of which this is true, in CQL2: \"floor = 2 AND name LIKE 'R%'\"."),
+    ] = None,
+    track_where: Annotated[
+        str | None, typer.Option(help="Only tracks of which this is true: \"source = 'camera'\".")
+    ] = None,
+    track_concept: Annotated[str | None, typer.Option(help="Only tracks of this concept.")] = None,
+    abstraction: Annotated[
+        str, typer.Option(help="What of an instance is compared: Footprint, FootprintHull, Position2D ...")
+    ] = "Footprint",
+    flat: Annotated[bool, typer.Option("--flat", help="Heights do not count.")] = False,
+    debounce: Annotated[
+        bool,
+        typer.Option("--debounce", help="Let flicker at the boundary not count: --margin 0.15, both ways."),
+    ] = False,
+    margin: Annotated[
+        float | None, typer.Option(help="How far beyond the boundary counts as across, both ways [m].")
+    ] = None,
+    confirm: Annotated[
+        float | None, typer.Option(help="How long it has to stay across, both ways [s of event time].")
+    ] = None,
+    probability: Annotated[
+        float | None,
+        typer.Option(
+            help="Begin where it is so probable, end where the opposite is: 0.9.", min=0.5, max=0.999999
+        ),
+    ] = None,
+    between_samples: Annotated[
+        bool,
+        typer.Option(
+            "--between-samples",
+            help="Take the way between two samples as a straight line: exact times, no room is missed.",
+        ),
+    ] = False,
+    longest_gap: Annotated[float, typer.Option(help="No line over a longer pause than this [s].")] = 30.0,
+    fastest: Annotated[float, typer.Option(help="No line that asks for a higher speed [m/s].")] = 30.0,
     dsn: Dsn = None,
 ) -> None:
-    """Keep true which tracks are inside which instances of a concept, from now on.
+    """Keep a relation of tracks to instances true, from now on. What holds now is noted at once.
 
-    Tracks that are inside now are noted at once.
+    semap query add near_door --map office --concept Door --predicate within_distance --distance 1
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import add_query  # noqa: PLC0415
+    from semap.store.queries import add_query, read_condition  # noqa: PLC0415
 
+    beside_m = margin if margin is not None else DEFAULT_DEBOUNCE.enter_margin_m if debounce else 0.0
+    declaration = Declaration(
+        name=name,
+        predicate=predicate,  # type: ignore[arg-type]
+        subject=Side(
+            "track",
+            track_concept,
+            None,
+            None if track_where is None else read_condition(track_where, "--track-where"),
+        ),
+        object=Side("instance", concept, None, None if where is None else read_condition(where, "--where")),
+        distance_m=distance,
+        abstraction=abstraction,
+        dimensions=2 if flat else 3,
+        debounce=Debounce(beside_m, beside_m, confirm or 0.0, confirm or 0.0),
+        certainty=None if probability is None else Certainty(probability, 1 - probability),
+        between_samples=BetweenSamples(longest_gap, fastest) if between_samples else None,
+    )
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
-        made = add_query(connection, map_name, name, concept)
+        made = add_query(connection, map_name, declaration)
     typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
 from fastapi import APIRouter, Response
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import Connection
 
+from semap.errors import InvalidInput
+from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, Declaration, Kind, Side
 from semap.store import queries
 from semap.store.maps import get_map
 from semap_service.document import (
@@ -26,32 +32,127 @@ from semap_service.transaction import Database, Edit, Write, transaction
 router = APIRouter(tags=["queries"], route_class=TaggedRoute)
 
 
+Metres = Annotated[float, Field(gt=0, le=1e4)]
+Margin = Annotated[float, Field(ge=0, le=100)]
+Wait = Annotated[float, Field(ge=0, le=86_400)]
+
+
+class SideDocument(Request):
+    """Which tracks, or which instances: those that all of this is true of. Nothing said: any."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    concept: Name | None = Field(default=None, examples=["Room"], description="This concept or one below it.")
+    uids: Annotated[list[UUID], Field(min_length=1, max_length=10_000)] | None = None
+    where: Annotated[str, Field(max_length=8000)] | dict[str, Any] | None = Field(
+        default=None,
+        examples=["name LIKE 'Room%'"],
+        description="A condition in CQL2, text or JSON, on name and attributes; of tracks also on source.",
+    )
+
+
+class DebounceDocument(Request):
+    """How far beside the boundary a track has to come, and how long to stay, before it counts."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    enter_margin_m: Margin = 0.0
+    leave_margin_m: Margin = 0.0
+    enter_confirm_s: Wait = 0.0
+    leave_confirm_s: Wait = 0.0
+
+
+class CertaintyDocument(Request):
+    """How probable it must be that a track is inside to begin, and how improbable to end."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    enter: Annotated[float, Field(ge=0.5, lt=1)] = 0.9
+    leave: Annotated[float, Field(gt=0, le=0.5)] = 0.1
+    widest_std_m: Annotated[float, Field(gt=0, le=100)] = Field(
+        1.0, description="A position less exact than this is evidence of neither."
+    )
+
+
+class BetweenSamplesDocument(Request):
+    """The way between two samples is a straight line, unless it is too long or too fast to be one."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    longest_gap_s: Annotated[float, Field(gt=0, le=86_400)] = 30.0
+    fastest_mps: Annotated[float, Field(gt=0, le=1e4)] = 30.0
+
+
+class Asked(Request):
+    """What a continuous query asks."""
+
+    name: Name = Field(examples=["track_at_door"])
+    predicate: queries.Kept = Field("contains", description="Of the object, and the track as its subject.")
+    concept: Name | None = Field(
+        None, examples=["Door"], description="Short for `object.concept`: this concept and those below it."
+    )
+    subject: SideDocument = Field(SideDocument(), description="Which tracks.")
+    object: SideDocument = Field(SideDocument(), description="Which instances.")
+    distance_m: Metres | None = Field(None, description="Of within_distance; how far a direction reaches.")
+    abstraction: queries.Flat = "Footprint"
+    dimensions: Literal[2, 3] = Field(3, description="3: heights count, too.")
+    debounce: DebounceDocument = DebounceDocument()
+    certainty: CertaintyDocument | None = Field(None, description="null: positions are taken as they are.")
+    between_samples: BetweenSamplesDocument | None = Field(
+        None, description="null: relations follow the samples alone."
+    )
+
+    def declaration(self) -> Declaration:
+        """raises InvalidInput"""
+        if self.concept is not None and self.object.concept not in (None, self.concept):
+            raise InvalidInput("concept and object.concept differ", "Say one of them.")
+        sure, between = self.certainty, self.between_samples
+        return Declaration(
+            name=self.name,
+            predicate=self.predicate,
+            subject=_side("track", self.subject),
+            object=replace(_side("instance", self.object), concept=self.object.concept or self.concept),
+            distance_m=self.distance_m,
+            abstraction=self.abstraction,
+            dimensions=self.dimensions,
+            debounce=Debounce(**self.debounce.model_dump()),
+            certainty=None if sure is None else Certainty(**sure.model_dump()),
+            between_samples=None if between is None else BetweenSamples(**between.model_dump()),
+        )
+
+
+class NewQuery(Asked):
+    """A continuous query to be kept from now on."""
+
+    map: Name = Field(examples=["office"])
+
+
+class QueryChanges(Request):
+    enabled: bool = Field(description="false ends all its relations; true keeps them again.")
+
+
 class QueryDocument(Document):
-    """A continuous query: each track is related to every instance of the concept that contains it."""
+    """A continuous query: while it is enabled, this relation of tracks to instances is kept true."""
 
     id: int
     map: str = Field(examples=["office"])
     name: str = Field(examples=["track_in_room"])
     predicate: str = Field(examples=["contains"])
-    concept: str = Field(examples=["Room"])
+    concept: str | None = Field(examples=["Room"], description="`object.concept`.")
+    subject: SideDocument
+    object: SideDocument
+    distance_m: float | None
+    abstraction: str = Field(examples=["Footprint"])
+    dimensions: int
+    debounce: DebounceDocument
+    certainty: CertaintyDocument | None
+    between_samples: BetweenSamplesDocument | None
     enabled: bool
 
 
 class QueryList(Document):
     queries: list[QueryDocument] = Field(description="In the order of their ids.")
     next: Next
-
-
-class NewQuery(Request):
-    """A continuous query to be kept from now on."""
-
-    map: Name = Field(examples=["office"])
-    name: Name = Field(examples=["track_at_door"])
-    concept: Name = Field(examples=["Door"], description="This concept and those below it.")
-
-
-class QueryChanges(Request):
-    enabled: bool = Field(description="false ends all its relations; true keeps them again.")
 
 
 @router.get("/queries", operation_id="list_queries", responses=reads(404))
@@ -72,7 +173,7 @@ def list_queries(
 def add_query(write: Write, new: NewQuery, response: Response) -> QueryDocument:
     """Keep relations to another kind of thing. Those that hold now hold with the answer."""
     with write.begin() as connection:
-        made = queries.add_query(connection, new.map, new.name, new.concept)
+        made = queries.add_query(connection, new.map, new.declaration())
     response.headers["Location"] = f"/queries/{made.query_id}"
     return _document(made)
 
@@ -91,6 +192,13 @@ def change_query(edit: Edit, id: SmallId, changes: QueryChanges) -> QueryDocumen
         return _document(queries.enable_query(connection, id, changes.enabled))
 
 
+@router.put("/queries/{id}", operation_id="replace_query", responses=edits(404, 409))
+def replace_query(edit: Edit, id: SmallId, asked: Asked) -> QueryDocument:  # noqa: A002
+    """Let a query ask something else from now on. What that changes begins or ends now: cause `map`."""
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
+        return _document(queries.change_query(connection, id, asked.declaration()))
+
+
 @router.delete("/queries/{id}", operation_id="delete_query", status_code=204, responses=edits(404, 409))
 def delete_query(edit: Edit, id: SmallId) -> None:  # noqa: A002
     """Delete a query; its relations end. One that a rule reads is refused."""
@@ -102,12 +210,22 @@ def _read(connection: Connection, query_id: int) -> QueryDocument:
     return _document(queries.get_query(connection, query_id))
 
 
+def _side(kind: Kind, said: SideDocument) -> Side:
+    return Side(
+        kind,
+        said.concept,
+        None if said.uids is None else tuple(said.uids),
+        None if said.where is None else queries.read_condition(said.where),
+    )
+
+
 def _document(query: queries.Query) -> QueryDocument:
+    asked = query.declaration
+    names = QueryDocument.model_fields.keys() & {each.name for each in fields(asked)}
     return QueryDocument(
         id=query.query_id,
         map=query.map,
-        name=query.name,
-        predicate=query.predicate,
-        concept=query.concept,
+        concept=asked.object.concept,
         enabled=query.enabled,
+        **{name: getattr(asked, name) for name in names},
     )
