@@ -13,8 +13,18 @@ begin
     execute format('drop trigger %I on %s', v_object.tgname, v_object.on_table);
   end loop;
   for v_object in
-    select format('drop view %s', oid::regclass) as statement
+    -- what stands on others goes before them: views of concepts, then those that they are made of
+    (select format('drop view %s', c.oid::regclass) as statement
+     from pg_class c join pg_namespace n on n.oid = c.relnamespace
+     where n.nspname = 'semap_query' and c.relkind = 'v'
+     order by c.relname in ('track', 'instance'))
+    union all
+    select format('drop view %s', oid::regclass)
     from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'
+    union all
+    select format('drop function %s', p.oid::regprocedure)
+    from pg_proc p join pg_namespace n on n.oid = p.pronamespace
+    where n.nspname = 'semap_query' and p.prokind = 'f'
     union all
     select format('drop aggregate %s', oid::regprocedure)
     from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'a'

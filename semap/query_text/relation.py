@@ -1,0 +1,301 @@
+"""The condition that ties the two sides together becomes a predicate with its parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from semap.model.continuous_query import Predicate
+from semap.query_text.refusal import Refusal
+from semap.query_text.tree import Call, Constant, Expression, Function, Property, Row, parts
+from semap.query_text.views import ABSTRACTIONS, OF_SPACE, View
+
+Views = tuple[View, View]
+
+HOLDING: Mapping[str, tuple[Predicate, int]] = {
+    "st_contains": ("contains", 0),
+    "st_within": ("contains", 1),
+    "st_covers": ("covers", 0),
+    "st_coveredby": ("covers", 1),
+}
+"""Functions of an area and what is in it: the predicate, and which argument is the area."""
+NEAR: Mapping[str, Literal[2, 3]] = {"st_dwithin": 2, "st_3ddwithin": 3}
+DISTANCES: Mapping[str, Literal[2, 3]] = {"st_distance": 2, "st_3ddistance": 3}
+
+OF_ROWS: Mapping[str, tuple[Predicate, str, bool]] = {
+    "is_in": ("contains", "is_in(t, r)", True),
+    "is_on": ("on", "is_on(c, d)", True),
+    "in_front_of": ("in_front_of", "in_front_of(t, d)", True),
+    "behind": ("behind", "behind(t, d)", True),
+    "left_of": ("left_of", "left_of(t, d)", True),
+    "right_of": ("right_of", "right_of(t, d)", True),
+    "crosses": ("crosses", "crosses(t, d)", True),
+    "faces": ("facing", "faces(t, d, radians(15))", False),
+    "approaches": ("approaching", "approaches(t, d, 0.5)", False),
+}
+"""semap's own predicates, of two rows: the predicate, how it is used, whether the object is an instance."""
+OF_TRACKS = ("crosses", "faces", "approaches")
+"""Of which the subject is a track."""
+
+UNKEPT: Mapping[str, str] = {
+    "st_touches": "Use ST_DWithin with a distance.",
+    "st_overlaps": "Use ST_Intersects.",
+    "st_crosses": "Use crosses(t, d), which looks at the way of a track.",
+    "st_equals": "Use ST_DWithin with a distance.",
+    "st_disjoint": "Keep ST_Intersects, and look for its ends.",
+    "st_containsproperly": "Use ST_Contains.",
+    "st_relate": "Use ST_Contains, ST_Covers or ST_Intersects.",
+    "st_orderingequals": "Use ST_DWithin with a distance.",
+    "st_dfullywithin": "Use ST_DWithin.",
+    "st_3ddfullywithin": "Use ST_3DDWithin.",
+    "st_3dintersects": "Use ST_3DDWithin with the distance 0.",
+    "st_maxdistance": "Use ST_DWithin.",
+    "st_hausdorffdistance": "Use ST_DWithin.",
+    "st_distancesphere": "Use ST_Distance: a map is in metres.",
+    "st_distancespheroid": "Use ST_Distance: a map is in metres.",
+    "&&": "Boxes are not compared: use ST_Intersects.",
+    "&&&": "Boxes are not compared: use ST_3DDWithin.",
+    "<#>": "Boxes are not compared: use <->.",
+    "<<->>": "Use ST_3DDWithin.",
+    "|=|": "Use ST_DWithin.",
+}
+"""Relations that PostGIS has and a continuous query has not, with what to use."""
+
+SPATIAL = {*HOLDING, *NEAR, *DISTANCES, *OF_ROWS, *UNKEPT, "st_intersects", "<->"}
+
+
+@dataclass(frozen=True)
+class Relation:
+    """What ties the sides together, as `Declaration` has it; subject and object are sides."""
+
+    predicate: Predicate
+    subject: int
+    object: int
+    distance_m: float | None = None
+    count: int | None = None
+    angle_rad: float | None = None
+    speed_mps: float | None = None
+    abstraction: str = "Footprint"
+    dimensions: Literal[2, 3] = 3
+
+
+def is_spatial(expression: Expression) -> bool:
+    """Whether a spatial relation or a distance is anywhere in it."""
+    return any(
+        (isinstance(each, Function) and each.name in SPATIAL)
+        or (isinstance(each, Call) and each.op in SPATIAL)
+        for each in parts(expression)
+    )
+
+
+def relation_of(expression: Expression, views: Views) -> Relation:
+    """What a resolved condition in which there is something spatial ties together.
+
+    raises  Refusal
+    """
+    match expression:
+        case Function(name=name, args=args, at=at) if name in OF_ROWS:
+            return _of_rows(name, args, at, views)
+        case Function(name=name, args=args, at=at) if name in HOLDING:
+            predicate, area = HOLDING[name]
+            _require_count(expression, 2)
+            return _holding(predicate, _shape(args[area], views), _shape(args[1 - area], views), name, views)
+        case Function(name="st_intersects", args=args):
+            _require_count(expression, 2)
+            return _intersecting(_shape(args[0], views), _shape(args[1], views), views)
+        case Function(name=name, args=args) if name in NEAR:
+            _require_count(expression, 3)
+            distance_m = _number(args[2], "the distance", 0, math.inf)
+            return replace(near_by(args[0], args[1], name, NEAR[name], views), distance_m=distance_m)
+        case Call(op="<" | "<=" | ">" | ">=" | "=" | "<>", args=(left, right)):
+            return _compared_distance(expression, left, right, views)
+        case Function(name=name, at=at) | Call(op=name, at=at) if name in UNKEPT:
+            raise Refusal("unkept predicate", at, what=name, hint=UNKEPT[name])
+        case Function(name=name, at=at) if name in DISTANCES:
+            raise Refusal("distance", at)
+        case Call(op="<->", at=at):
+            raise Refusal("distance", at)
+    raise _nested(expression)
+
+
+def _nested(expression: Expression) -> Refusal:
+    spatial = next(each for each in parts(expression) if is_spatial(each) and not _has_spatial_part(each))
+    outermost = {"or": "or relation", "not": "not relation"}
+    ops = (each.op for each in parts(expression) if isinstance(each, Call) and is_spatial(each))
+    return Refusal(next((outermost[op] for op in ops if op in outermost), "within expression"), spatial.at)
+
+
+def _has_spatial_part(expression: Expression) -> bool:
+    return any(is_spatial(each) for each in parts(expression) if each is not expression)
+
+
+def distance_between(expression: Expression) -> tuple[Expression, Expression, str, Literal[2, 3]] | None:
+    """The shapes between which a distance is, its function and dimensions; None of what is no distance."""
+    match expression:
+        case Function(name=name, args=(a, b)) if name in DISTANCES:
+            return a, b, name, DISTANCES[name]
+        case Call(op="<->", args=(a, b)):
+            return a, b, "<->", 2
+    return None
+
+
+def near_by(a: Expression, b: Expression, function: str, dimensions: Literal[2, 3], views: Views) -> Relation:
+    """Two shapes whose distance counts; of a track and an instance the track is the subject."""
+    shapes = _shape(a, views), _shape(b, views)
+    for each in shapes:
+        if views[each.side].kind == "track":
+            _require_position(each, views)
+        elif (ABSTRACTIONS[each.name] in OF_SPACE) != (dimensions == 3):
+            raise _of_other_dimensions(each, function, dimensions)
+    subject, object_ = sorted(shapes, key=lambda each: views[each.side].kind != "track")
+    _require_two(subject, object_)
+    abstraction = _abstraction(shapes, views)
+    return Relation(
+        "within_distance", subject.side, object_.side, abstraction=abstraction, dimensions=dimensions
+    )
+
+
+def _compared_distance(whole: Call, left: Expression, right: Expression, views: Views) -> Relation:
+    if isinstance(left, Constant):
+        turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}.get(whole.op, whole.op)
+        return _compared_distance(replace(whole, op=turned), right, left, views)
+    for each in (left, right):
+        if isinstance(each, Function | Call) and _symbol(each) in UNKEPT:
+            raise Refusal("unkept predicate", each.at, what=_symbol(each), hint=UNKEPT[_symbol(each)])
+    between = distance_between(left)
+    if between is None or not isinstance(right, Constant):
+        raise Refusal("distance", whole.at) if between is not None else _nested(whole)
+    if whole.op in (">", ">="):
+        raise Refusal("beyond", left.at)
+    if whole.op not in ("<", "<="):
+        raise Refusal("distance", left.at)
+    distance_m = _number(right, "the distance", 0, math.inf)
+    if whole.op == "<":
+        if distance_m == 0:
+            raise Refusal("number", right.at, what="the distance", range="is above 0")
+        distance_m = math.nextafter(distance_m, 0)  # the next one that is less
+    return replace(near_by(*between, views), distance_m=distance_m)
+
+
+def _symbol(expression: Function | Call) -> str:
+    return expression.name if isinstance(expression, Function) else expression.op
+
+
+def _holding(predicate: Predicate, area: Property, inner: Property, function: str, views: Views) -> Relation:
+    if views[area.side].kind == "track":
+        raise Refusal("track inside", area.at)
+    _require_area(area, function)
+    if views[inner.side].kind == "track":
+        _require_position(inner, views)
+    elif ABSTRACTIONS[inner.name] in OF_SPACE:
+        raise _of_other_dimensions(inner, function, 2)
+    _require_two(inner, area)
+    abstraction = _abstraction((inner, area), views)
+    return Relation(predicate, inner.side, area.side, abstraction=abstraction, dimensions=2)
+
+
+def _intersecting(a: Property, b: Property, views: Views) -> Relation:
+    subject, object_ = sorted((a, b), key=lambda each: views[each.side].kind != "track")
+    _require_two(subject, object_)
+    is_point = views[subject.side].kind == "track" and subject.name == "position"
+    if views[object_.side].kind == "track":
+        for each in (subject, object_):
+            if each.name != "footprint":
+                raise Refusal("track point", each.at, what=views[each.side].name)
+    elif is_point:
+        return _holding("covers", object_, subject, "ST_Intersects", views)
+    for each in (subject, object_):
+        if views[each.side].kind == "instance":
+            _require_area(each, "ST_Intersects")
+    abstraction = _abstraction((subject, object_), views)
+    return Relation("intersects", subject.side, object_.side, abstraction=abstraction, dimensions=2)
+
+
+def _of_rows(name: str, args: Sequence[Expression], at: int, views: Views) -> Relation:
+    predicate, usage, of_instance = OF_ROWS[name]
+    count = usage.count(",") + 1
+    if len(args) != count:
+        raise Refusal("arguments", at, what=name, count=f"{count} arguments", usage=usage)
+    subject, object_ = args[0], args[1]
+    for each in (subject, object_):
+        if not isinstance(each, Row):
+            raise Refusal("rows", each.at, what=name, usage=usage)
+    assert isinstance(subject, Row) and isinstance(object_, Row)  # noqa: S101, PT018  (seen above)
+    if subject.side == object_.side:
+        raise Refusal("one side", at)
+    if of_instance and views[object_.side].kind == "track":
+        raise Refusal("object track", object_.at, what=name, usage=usage)
+    if name in OF_TRACKS and views[subject.side].kind == "instance":
+        raise Refusal("subject instance", subject.at, what=name, usage=usage)
+    found = Relation(predicate, subject.side, object_.side)
+    if name == "faces":
+        return replace(found, angle_rad=_number(args[2], "the angle", 0, math.pi))
+    if name == "approaches":
+        return replace(found, speed_mps=_number(args[2], "the speed", 0, math.inf))
+    return found
+
+
+def _require_count(function: Function, count: int) -> None:
+    if len(function.args) != count:
+        usage = f"{function.name}(r.footprint, t.position{', 2.5' if count == 3 else ''})"
+        what = f"{count} arguments"
+        raise Refusal("arguments", function.at, what=function.name, count=what, usage=usage)
+
+
+def _shape(expression: Expression, views: Views) -> Property:
+    match expression:
+        case Property(side=side, name=name) if views[side].columns[name] == "shape":
+            return expression
+        case Property(side=side, name=name, at=at):
+            hint = ", ".join(each for each, use in views[side].columns.items() if use == "shape")
+            raise Refusal("not a shape", at, what=name, hint=hint)
+        case Row(side=side, at=at):
+            raise Refusal("not a shape", at, what=views[side].name, hint="position or footprint")
+    if any(isinstance(each, Property | Row) for each in parts(expression)):
+        raise Refusal("derived shape", expression.at)
+    raise Refusal("fixed area", expression.at)
+
+
+def _require_position(shape: Property, views: Views) -> None:
+    if shape.name != "position":
+        raise Refusal("track shape", shape.at, what=views[shape.side].name)
+
+
+def _require_area(shape: Property, function: str) -> None:
+    if ABSTRACTIONS[shape.name] in OF_SPACE:
+        raise _of_other_dimensions(shape, function, 2)
+    if shape.name == "position":
+        raise Refusal("point inside", shape.at, what="r")
+
+
+def _require_two(a: Property, b: Property) -> None:
+    if a.side == b.side:
+        raise Refusal("one side", a.at)
+
+
+def _of_other_dimensions(shape: Property, function: str, dimensions: int) -> Refusal:
+    reason = "flat" if dimensions == 3 else "solid"
+    return Refusal(reason, shape.at, what=shape.name, function=function, hint="bounding_hull or position_3d")
+
+
+def _abstraction(shapes: Sequence[Property], views: Views) -> str:
+    compared = [each for each in shapes if views[each.side].kind == "instance"]
+    names = {each.name for each in compared}
+    if len(names) > 1:
+        raise Refusal("two abstractions", compared[0].at, what=" and ".join(sorted(names)))
+    return ABSTRACTIONS[names.pop()] if names else "Footprint"
+
+
+def _number(expression: Expression, what: str, low: float, high: float) -> float:
+    value: float | None = None
+    match expression:
+        case Constant(value=int() | float() as number) if not isinstance(number, bool):
+            value = float(number)
+        case Function(name="radians", args=(Constant(value=int() | float() as degrees),)):
+            value = math.radians(degrees)
+    if value is None or not low <= value <= high:
+        limits = f"is at least {low:g}" + ("" if high == math.inf else f" and at most {high:.4g}")
+        raise Refusal("number", expression.at, what=what, range=limits)
+    return value
