@@ -34,6 +34,35 @@ end $$;
 comment on function semap_query.is_on is
   'Whether the subject stands on the object.';
 
+-- Whether two things are at most a distance [m] apart, heights counting: the convex hulls of instances as solids, and the
+-- positions of tracks. Of a track whose height is not known only the distance seen from above counts.
+create or replace function semap_query.is_near(p_subject record, p_object record, p_distance_m double precision)
+returns boolean
+language plpgsql stable parallel safe as $$
+declare
+  v_subject  public.geometry := p_subject.position;
+  v_object   public.geometry := p_object.position;
+begin
+  if p_subject.map_id <> p_object.map_id or (p_subject.kind, p_subject.id) = (p_object.kind, p_object.id) then
+    return false;
+  end if;
+  -- by IF and not by CASE, since a track has no column that an instance alone has
+  if p_subject.kind = 'instance' then
+    v_subject := coalesce(semap.hull_of(p_subject.id), p_subject.position_3d, p_subject.position);
+  end if;
+  if p_object.kind = 'instance' then
+    v_object := coalesce(semap.hull_of(p_object.id), p_object.position_3d, p_object.position);
+  end if;
+  if public.st_zmflag(v_subject) = 2 and public.st_zmflag(v_object) = 2 then
+    return semap.gap_3d(v_subject, v_object) <= p_distance_m;
+  end if;
+  -- seen from above a hull is the hull of its corners
+  return public.st_distance(public.st_convexhull(public.st_points(public.st_force2d(v_subject))),
+                            public.st_convexhull(public.st_points(public.st_force2d(v_object)))) <= p_distance_m;
+end $$;
+comment on function semap_query.is_near is
+  'Whether two things are at most a distance [m] apart, heights counting: convex hulls as solids, and positions.';
+
 -- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own frame:
 -- in the projection of its box to that side, up to 10 m. A track is where its position is, at any height if its own is
 -- not known; an instance counts with any part of it.

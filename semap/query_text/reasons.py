@@ -173,10 +173,17 @@ REASONS: Mapping[str, tuple[str, str]] = {
         "one query compares one abstraction, and these are {what}",
         "Compare the same column of both sides.",
     ),
-    "flat": ("{what} has no heights, which {function} compares", "Name {hint}."),
+    "flat": (
+        "{what} has no heights, which {function} compares",
+        "Write: is_near(t, r, 1), or compare position_3d.",
+    ),
+    "shell": (
+        "to {function} {what} is a hollow shell",
+        "Write: is_near(t, r, 1), to which it is a solid, or compare position_3d.",
+    ),
     "solid": (
         "{what} has heights, which {function} does not compare",
-        "Name footprint, or use ST_3DDWithin.",
+        "Compare footprint, or write: is_near(t, r, 1).",
     ),
     "rows": ("{what} takes both sides as they are", "Write: {usage}."),
     "object track": ("{what}: what it is asked of is an instance, and this is a track", "Write: {usage}."),

@@ -9,7 +9,7 @@ from typing import Literal
 
 from semap.model.continuous_query import Predicate
 from semap.query_text.refusal import Refusal
-from semap.query_text.tree import Call, Constant, Expression, Function, Property, Row, parts
+from semap.query_text.tree import Call, Constant, Expression, Function, Property, Row, inner_of, parts
 from semap.query_text.views import ABSTRACTIONS, OF_SPACE, View
 
 Views = tuple[View, View]
@@ -26,6 +26,7 @@ DISTANCES: Mapping[str, Literal[2, 3]] = {"st_distance": 2, "st_3ddistance": 3}
 
 OF_ROWS: Mapping[str, tuple[Predicate, str, bool]] = {
     "is_in": ("contains", "is_in(t, r)", True),
+    "is_near": ("within_distance", "is_near(t, d, 1)", False),
     "is_on": ("on", "is_on(c, d)", True),
     "in_front_of": ("in_front_of", "in_front_of(t, d)", True),
     "behind": ("behind", "behind(t, d)", True),
@@ -50,13 +51,13 @@ UNKEPT: Mapping[str, str] = {
     "st_orderingequals": "Use ST_DWithin with a distance.",
     "st_dfullywithin": "Use ST_DWithin.",
     "st_3ddfullywithin": "Use ST_3DDWithin.",
-    "st_3dintersects": "Use ST_3DDWithin with the distance 0.",
+    "st_3dintersects": "Use is_near(t, r, 0).",
     "st_maxdistance": "Use ST_DWithin.",
     "st_hausdorffdistance": "Use ST_DWithin.",
     "st_distancesphere": "Use ST_Distance: a map is in metres.",
     "st_distancespheroid": "Use ST_Distance: a map is in metres.",
     "&&": "Boxes are not compared: use ST_Intersects.",
-    "&&&": "Boxes are not compared: use ST_3DDWithin.",
+    "&&&": "Boxes are not compared: use is_near(t, r, 0).",
     "<#>": "Boxes are not compared: use <->.",
     "<<->>": "Use ST_3DDWithin.",
     "|=|": "Use ST_DWithin.",
@@ -121,14 +122,16 @@ def relation_of(expression: Expression, views: Views) -> Relation:
 
 
 def _nested(expression: Expression) -> Refusal:
-    spatial = next(each for each in parts(expression) if is_spatial(each) and not _has_spatial_part(each))
-    outermost = {"or": "or relation", "not": "not relation"}
-    ops = (each.op for each in parts(expression) if isinstance(each, Call) and is_spatial(each))
-    return Refusal(next((outermost[op] for op in ops if op in outermost), "within expression"), spatial.at)
-
-
-def _has_spatial_part(expression: Expression) -> bool:
-    return any(is_spatial(each) for each in parts(expression) if each is not expression)
+    """Of a relation that is not a condition by itself: what is around it."""
+    around: list[str] = []
+    part = expression
+    while any(is_spatial(each) for each in inner_of(part)):
+        around.append(part.op if isinstance(part, Call) else "")
+        part = next(each for each in inner_of(part) if is_spatial(each))
+    is_logic = set(around) <= {"and", "or", "not"}
+    reasons = {"or": "or relation", "not": "not relation"}
+    outermost = next((reasons[op] for op in around if op in reasons), "within expression")
+    return Refusal(outermost if is_logic else "within expression", part.at)
 
 
 def distance_between(expression: Expression) -> tuple[Expression, Expression, str, Literal[2, 3]] | None:
@@ -147,8 +150,11 @@ def near_by(a: Expression, b: Expression, function: str, dimensions: Literal[2, 
     for each in shapes:
         if views[each.side].kind == "track":
             _require_position(each, views)
-        elif (ABSTRACTIONS[each.name] in OF_SPACE) != (dimensions == 3):
-            raise _of_other_dimensions(each, function, dimensions)
+        elif dimensions == 2 and ABSTRACTIONS[each.name] in OF_SPACE:
+            raise Refusal("solid", each.at, what=each.name, function=function)
+        elif dimensions == 3 and each.name != "position_3d":
+            is_solid = ABSTRACTIONS[each.name] in OF_SPACE
+            raise Refusal("shell" if is_solid else "flat", each.at, what=each.name, function=function)
     subject, object_ = sorted(shapes, key=lambda each: views[each.side].kind != "track")
     _require_two(subject, object_)
     abstraction = _abstraction(shapes, views)
@@ -190,7 +196,7 @@ def _holding(predicate: Predicate, area: Property, inner: Property, function: st
     if views[inner.side].kind == "track":
         _require_position(inner, views)
     elif ABSTRACTIONS[inner.name] in OF_SPACE:
-        raise _of_other_dimensions(inner, function, 2)
+        raise Refusal("solid", inner.at, what=inner.name, function=function)
     _require_two(inner, area)
     abstraction = _abstraction((inner, area), views)
     return Relation(predicate, inner.side, area.side, abstraction=abstraction, dimensions=2)
@@ -230,6 +236,9 @@ def _of_rows(name: str, args: Sequence[Expression], at: int, views: Views) -> Re
     if name in OF_TRACKS and views[subject.side].kind == "instance":
         raise Refusal("subject instance", subject.at, what=name, usage=usage)
     found = Relation(predicate, subject.side, object_.side)
+    if name == "is_near":
+        distance_m = _number(args[2], "the distance", 0, math.inf)
+        return replace(found, distance_m=distance_m, abstraction="BoundingHull")
     if name == "faces":
         return replace(found, angle_rad=_number(args[2], "the angle", 0, math.pi))
     if name == "approaches":
@@ -265,7 +274,7 @@ def _require_position(shape: Property, views: Views) -> None:
 
 def _require_area(shape: Property, function: str) -> None:
     if ABSTRACTIONS[shape.name] in OF_SPACE:
-        raise _of_other_dimensions(shape, function, 2)
+        raise Refusal("solid", shape.at, what=shape.name, function=function)
     if shape.name == "position":
         raise Refusal("point inside", shape.at, what="r")
 
@@ -273,11 +282,6 @@ def _require_area(shape: Property, function: str) -> None:
 def _require_two(a: Property, b: Property) -> None:
     if a.side == b.side:
         raise Refusal("one side", a.at)
-
-
-def _of_other_dimensions(shape: Property, function: str, dimensions: int) -> Refusal:
-    reason = "flat" if dimensions == 3 else "solid"
-    return Refusal(reason, shape.at, what=shape.name, function=function, hint="bounding_hull or position_3d")
 
 
 def _abstraction(shapes: Sequence[Property], views: Views) -> str:
