@@ -75,7 +75,7 @@ comment on function semap.view_name is
 
 -- Make the view of each concept that has none yet, and drop those of concepts that are gone; what is as it should be is
 -- left alone. Of concepts whose views would have one name the oldest has it. A view that somebody else's object depends
--- on stays.
+-- on stays. Edits of concepts are one at a time (semap.change_regions), so that no two make one view.
 create or replace function semap.make_concept_views() returns void
 language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
 declare
@@ -111,8 +111,8 @@ begin
         execute format('grant select on semap_query.%I to semap_read, semap_ingest, semap_worker, semap_api,'
                        ' semap_admin, semap_read_map, semap_ingest_map, semap_api_map', v_view.name);
       end if;
-    exception when dependent_objects_still_exist or unique_violation or duplicate_table or wrong_object_type then
-      null; -- somebody's view stands on it, or another transaction makes one of that name at this moment
+    exception when dependent_objects_still_exist or invalid_table_definition or wrong_object_type then
+      null; -- somebody's view stands on it, or somebody has put a table there
     end;
   end loop;
 end $$;
