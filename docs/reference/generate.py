@@ -29,10 +29,11 @@ from semap.rules.row import PROPERTIES
 CHECKOUT = Path(__file__).parents[2]
 MODELS = "ingest/semap_ingest/models"
 COMMENT = re.compile(
-    r"comment on (function|aggregate|view) semap\.(\w+)(?:\([^)]*\))? is\s*\n?((?:\s*'(?:[^']|'')*')+);"
+    r"comment on (function|aggregate|view) (semap(?:_query)?\.\w+)(?:\([^)]*\))? is\s*\n?"
+    r"((?:\s*'(?:[^']|'')*')+);"
 )
 SIGNATURE = (
-    r"create (?:or replace )?(?:function|aggregate) semap\.{name}\s*\((?P<takes>.*?)\)\s*"
+    r"create (?:or replace )?(?:function|aggregate) {name}\s*\((?P<takes>.*?)\)\s*"
     r"(?:returns\s+(?P<gives>.*?))?\s*(?:language|as|strict|\(\s*sfunc)"
 )
 
@@ -98,7 +99,8 @@ def sql() -> str:
     """Each function of the schema by the file in which it stands, with what its comment says."""
     parts = [
         "# SQL functions\n",
-        "All are in the schema `semap`. Those for questions of space are explained in"
+        "All are in the schema `semap`, but for the predicates of continuous queries, which are in"
+        " `semap_query`. Those for questions of space are explained in"
         " [Questions of space](../operators.md).\n",
     ]
     for file in sorted((CHECKOUT / "sql").glob("*.sql")):
@@ -108,7 +110,7 @@ def sql() -> str:
             continue
         parts.append(f"## {file.stem.partition('_')[2].replace('_', ' ').capitalize()}\n")
         for name, comment in found:
-            parts.append(f"### {name}\n")
+            parts.append(f"### {name.partition('.')[2]}\n")
             signature = _signature(name, text)
             if signature:
                 parts.append(f"```sql\n{signature}\n```\n")
@@ -202,12 +204,12 @@ def _template(name: str) -> str:
 
 
 def _signature(name: str, text: str) -> str | None:
-    found = re.search(SIGNATURE.format(name=name), text, re.S)
+    found = re.search(SIGNATURE.format(name=re.escape(name)), text, re.S)
     if found is None:
         return None
     takes = " ".join(found["takes"].split())
     gives = " ".join((found["gives"] or "").split())
-    return f"semap.{name}({takes}){f' returns {gives}' if gives else ''}"
+    return f"{name}({takes}){f' returns {gives}' if gives else ''}"
 
 
 def _joined(literals: str) -> str:

@@ -194,7 +194,7 @@ class _Reading:
             return
         sides = sides_of(part)
         if len(sides) == 2:
-            self._take_pair(part)
+            self._take_pair(part, is_outer)
             return
         if not sides:
             condition(part, self.views[0])
@@ -214,12 +214,14 @@ class _Reading:
         require_readable(where, self.views[side].kind, part.at)
         self.found.wheres[side].append(where)
 
-    def _take_pair(self, part: Expression) -> None:
+    def _take_pair(self, part: Expression, is_outer: bool) -> None:
         """What may stand between the sides beside the relation: one map, and two things."""
         match part:
             case Call(op="=", args=(Property(name="map" | "map_id" as a), Property(name=b))) if a == b:
                 return
             case Call(op="<>", args=(Property(name="id" | "uid" as a), Property(name=b))) if a == b:
+                if is_outer and self.limited is not None:
+                    raise Refusal("after limit", part.at)
                 self.found.is_apart = True
                 return
             case Call(

@@ -51,9 +51,10 @@ def test_rest(generate: ModuleType) -> None:
 def test_every_function_of_the_schema(generate: ModuleType) -> None:
     page = generate.sql()
     for file in (CHECKOUT / "sql").glob("*.sql"):
-        for name in re.findall(r"^comment on function semap\.(\w+)", file.read_text(), re.M):
+        for name in re.findall(r"^comment on function semap(?:_query)?\.(\w+)", file.read_text(), re.M):
             assert f"### {name}\n" in page, name
     assert "semap.in_objects(" in page
+    assert "semap_query.is_near(" in page
 
 
 def test_the_rule_language_and_the_client(generate: ModuleType) -> None:

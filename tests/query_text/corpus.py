@@ -238,6 +238,8 @@ REFUSED = [
     ("not lateral", "select * from track t, (select * from room r where " + IN + ") n", "t.position"),
     ("after limit", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position"
                     " limit 3) n where n.name = 'Hall'", "="),
+    ("after limit", "select * from track a, lateral (select * from track b order by b.position <-> a.position"
+                    " limit 3) n where n.id <> a.id", "<> a.id"),
     ("no limit", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position) n", None),
     ("unordered limit", "select * from track t, lateral (select * from room r limit 3) n", "3"),
     ("limit count", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position"
