@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import psycopg
 import pytest
@@ -111,10 +111,7 @@ def test_what_postgresql_finds_true_cql2_finds_true(connection: psycopg.Connecti
     @settings(max_examples=600, suppress_health_check=list(HealthCheck))
     @given(CONDITION, THING)
     def same(condition: str, thing: dict[str, object]) -> None:
-        text = f"select r.name from track t, room r where {condition} and ST_Covers(r.footprint, t.position)"
-        where = declaration_of("q", text, ("Room",)).object.where
-        assert where is not None
-        found = compile_filter(parse(where), SUBJECT)({**thing, "concept": "Room"})
+        found = filtered(condition)({**thing, "concept": "Room"})
         connection.execute(
             "update semap.instance set name = %s, alias = %s, attributes = %s",
             [thing["name"], thing["alias"], json.dumps(thing["attributes"])],
@@ -122,19 +119,52 @@ def test_what_postgresql_finds_true_cql2_finds_true(connection: psycopg.Connecti
         (count,) = connection.execute(
             f"select count(*) from room r where {condition}".encode()
         ).fetchone() or (0,)
-        assert (count == 1) == found, where
+        assert (count == 1) == found
 
     same()
 
 
-def test_where_plain_sql_fails_or_casts_cql2_asks_for_the_kind(connection: psycopg.Connection) -> None:
+ATTRIBUTE = [*TEXTS, *NUMBERS, True, False, None, ["oak"], {"u": 1}, "false", "0.10"]
+ASKING = [
+    "r.attributes->>'m' {0} {1}",
+    "not (r.attributes->>'m' {0} {1})",
+    "r.attributes->>'m' {0} {1} or r.attributes->>'m' is null",
+]
+
+
+@pytest.mark.parametrize("operator", ["=", "<>", "in", "not in"])
+def test_each_attribute_against_each_text(connection: psycopg.Connection, operator: str) -> None:
+    things: list[dict[str, object]] = [{"m": value} for value in ATTRIBUTE] + [{}]
+    for text in [*TEXTS, "false", "0.10", "10"]:
+        for asking in ASKING:
+            other = f"({quoted(text)}, 'elm')" if operator.endswith("in") else quoted(text)
+            condition = asking.format(operator, other)
+            found = [filtered(condition)({"attributes": each}) for each in things]
+            asked = condition.replace("%", "%%")
+            rows = connection.execute(
+                f"select ({asked}) is true from unnest(%s::jsonb[]) with ordinality r (attributes, n) order by n".encode(),
+                [[json.dumps(each) for each in things]],
+            ).fetchall()
+            # a number counts by its value
+            same = [each != {"m": 0.1} or text != "0.10" for each in things]
+            assert [each for each, is_same in zip(found, same, strict=True) if is_same] == [
+                each for (each,), is_same in zip(rows, same, strict=True) if is_same
+            ], condition
+
+
+def filtered(condition: str) -> Callable[..., bool]:
+    """The condition as CQL2, evaluated in memory."""
+    text = f"select r.name from track t, room r where ({condition}) and ST_Covers(r.footprint, t.position)"
+    where = declaration_of("q", text, ("Room",)).object.where
+    assert where is not None
+    return compile_filter(parse(where), SUBJECT)
+
+
+def test_where_plain_sql_fails_or_casts_cql2_asks_for_the_kind() -> None:
     """The documented differences."""
 
     def finds(condition: str, attributes: dict[str, object]) -> bool:
-        text = f"select r.name from track t, room r where {condition} and ST_Covers(r.footprint, t.position)"
-        where = declaration_of("q", text, ("Room",)).object.where
-        assert where is not None
-        return compile_filter(parse(where), SUBJECT)({"attributes": attributes})
+        return filtered(condition)({"attributes": attributes})
 
     assert finds("r.attributes->>'n' = '2'", {"n": 2.0})
     assert not finds("r.attributes->>'n' like '2%'", {"n": 23})
