@@ -15,8 +15,9 @@ begin
     and (q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null)
     and (q.subject_concept_id is null or t.concept_id in (select semap.concepts_below(q.subject_concept_id)))
     and (q.subject_uids is null or t.uid = any (q.subject_uids))
-    and (q.subject_where is null or semap.condition_holds(q.subject_where, t.attributes || jsonb_build_object(
-           'name', t.name, 'source', (select name from semap.source n where n.source_id = t.source_id))));
+    and (q.subject_where is null or semap.condition_holds(q.subject_where, jsonb_build_object(
+           'name', t.name, 'attributes', t.attributes,
+           'source', (select name from semap.source n where n.source_id = t.source_id))));
 end $$;
 comment on function semap.choose_tracks is
   'Say anew which tracks these queries are about, of these tracks or of all of their maps.';

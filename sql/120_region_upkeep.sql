@@ -85,7 +85,7 @@ create or replace view semap.region_wanted as
   where q.enabled
     and (q.object_uids is null or i.uid = any (q.object_uids))
     and (q.object_where is null or semap.condition_holds(
-           q.object_where, i.attributes || jsonb_build_object('name', i.name, 'alias', i.alias)))
+           q.object_where, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
     and public.st_dimension(f.footprint) = 2;
 comment on view semap.region_wanted is
   'Every region that the continuous queries ask for.';

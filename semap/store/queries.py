@@ -26,6 +26,12 @@ Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "P
 
 KEPT: tuple[str, ...] = get_args(Kept)
 FLAT: tuple[str, ...] = get_args(Flat)
+ASKED_OF: Mapping[Kind, list[str]] = {
+    "track": ["name", "source", "attributes"],
+    "instance": ["name", "alias", "attributes"],
+}
+"""What a condition may ask."""
+
 NEED_DISTANCE = ("within_distance", "in_front_of", "behind", "left_of", "right_of")
 
 
@@ -86,6 +92,23 @@ def add_query(
     return get_query(connection, int(query_id or 0))
 
 
+def declaration_from_sql(connection: Connection, name: str, sql: str) -> Declaration:
+    """What a SELECT over the views of `semap_query` asks.
+
+    raises  InvalidInput with line and column of what cannot be kept true, and why, or where the parser is
+            not installed
+    """
+    try:
+        from semap.query_text import declaration_of  # noqa: PLC0415
+    except ImportError as error:
+        raise InvalidInput(
+            "queries in SQL need PostgreSQL's parser, which is not installed", "Run: pip install 'semap[sql]'"
+        ) from error
+    with translated():
+        concepts = connection.scalars(select(concept.c.name)).all()
+    return declaration_of(name, sql, concepts)
+
+
 def change_query(
     connection: Connection, query_id: int, declaration: Declaration, *, sql: str | None = None
 ) -> Query:
@@ -135,7 +158,7 @@ def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str,
     _check(declaration)
     for side in (declaration.subject, declaration.object):
         if side.where is not None:
-            _check_condition(connection, side.where)
+            _check_condition(connection, side.where, ASKED_OF[side.kind])
     sure, between = declaration.certainty, declaration.between_samples
     return {
         "name": declaration.name,
@@ -196,11 +219,11 @@ def read_condition(where: str | Mapping[str, object], place: str = "where") -> M
     return document
 
 
-def _check_condition(connection: Connection, where: Mapping[str, object]) -> None:
-    """Whether the database can ask it; raises InvalidInput."""
+def _check_condition(connection: Connection, where: Mapping[str, object], names: list[str]) -> None:
+    """Whether the database can ask it of these names; raises InvalidInput."""
     read_condition(where)
     with translated():
-        connection.execute(select(func.semap.check_condition(cast(dict(where), JSONB))))
+        connection.execute(select(func.semap.check_condition(cast(dict(where), JSONB), names)))
 
 
 def _side(connection: Connection, name: str, side: Side) -> Mapping[str, object]:

@@ -116,7 +116,7 @@ def exercise_queries(service: Service) -> None:
         "name": "near",
         "predicate": "within_distance",
         "subject": {"concept": None, "uids": None, "where": "source = 'tracker'"},
-        "object": {"concept": "Room", "uids": None, "where": "seats > 4 and name like 'R%'"},
+        "object": {"concept": "Room", "uids": None, "where": "attributes.seats > 4 and name like 'R%'"},
         "distance_m": 1.5,
         "abstraction": "FootprintHull",
         "dimensions": 2,
@@ -140,6 +140,14 @@ def exercise_queries(service: Service) -> None:
         == 422
     )
     service.client.delete(where).raise_for_status()
+    sql = "select r.name, t.name from track t, room r where st_contains(r.footprint, t.position)"
+    written = {"map": "office", "name": "in sql", "sql": sql, "debounce": {"enter_margin_m": 0.1}}
+    told = service.client.post("/queries", json=written).raise_for_status().json()
+    assert (told["sql"], told["predicate"], told["concept"]) == (sql, "contains", "Room")
+    assert told["payload"] == {"room_name": "object.name", "track_name": "subject.name"}
+    assert service.client.post("/queries", json=written | {"predicate": "covers"}).status_code == 422
+    refused = service.client.post("/queries", json=written | {"name": "n", "sql": sql + " group by 1"}).json()
+    assert "line 1, column" in refused["detail"]
 
 
 def exercise_tokens(service: Service) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 import typer
@@ -94,7 +94,7 @@ def add(
     ] = None,
     where: Annotated[
         str | None,
-        typer.Option(help="Only instances of which this is true, in CQL2: \"floor = 2 AND name LIKE 'R%'\"."),
+        typer.Option(help='Only instances of which this is true, in CQL2: "attributes.floor = 2".'),
     ] = None,
     track_where: Annotated[
         str | None, typer.Option(help="Only tracks of which this is true: \"source = 'camera'\".")
@@ -129,6 +129,10 @@ def add(
     ] = False,
     longest_gap: Annotated[float, typer.Option(help="No line over a longer pause than this [s].")] = 30.0,
     fastest: Annotated[float, typer.Option(help="No line that asks for a higher speed [m/s].")] = 30.0,
+    sql: Annotated[
+        str | None,
+        typer.Option(help="Instead of the sides and the predicate: a SELECT over the views of semap_query."),
+    ] = None,
     dsn: Dsn = None,
 ) -> None:
     """Keep a relation of tracks to instances true, from now on. What holds now is noted at once.
@@ -136,7 +140,7 @@ def add(
     semap query add near_door --map office --concept Door --predicate within_distance --distance 1
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import add_query, read_condition  # noqa: PLC0415
+    from semap.store.queries import add_query, declaration_from_sql, read_condition  # noqa: PLC0415
 
     beside_m = margin if margin is not None else DEFAULT_DEBOUNCE.enter_margin_m if debounce else 0.0
     declaration = Declaration(
@@ -157,7 +161,15 @@ def add(
         between_samples=BetweenSamples(longest_gap, fastest) if between_samples else None,
     )
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
-        made = add_query(connection, map_name, declaration)
+        if sql is not None:
+            in_sql = declaration_from_sql(connection, name, sql)
+            declaration = replace(
+                in_sql,
+                debounce=declaration.debounce,
+                certainty=declaration.certainty,
+                between_samples=declaration.between_samples,
+            )
+        made = add_query(connection, map_name, declaration, sql=sql)
     typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
 

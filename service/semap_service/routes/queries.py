@@ -46,8 +46,9 @@ class SideDocument(Request):
     uids: Annotated[list[UUID], Field(min_length=1, max_length=10_000)] | None = None
     where: Annotated[str, Field(max_length=8000)] | dict[str, Any] | None = Field(
         default=None,
-        examples=["name LIKE 'Room%'"],
-        description="A condition in CQL2, text or JSON, on name and attributes; of tracks also on source.",
+        examples=["name LIKE 'Room%' AND attributes.floor = 2"],
+        description="A condition in CQL2, text or JSON: on name, alias and attributes; of tracks on name,"
+        " source and attributes.",
     )
 
 
@@ -83,6 +84,9 @@ class BetweenSamplesDocument(Request):
     fastest_mps: Annotated[float, Field(gt=0, le=1e4)] = 30.0
 
 
+IN_SQL = {"predicate", "concept", "subject", "object", "distance_m", "abstraction", "dimensions"}
+
+
 class Asked(Request):
     """What a continuous query asks."""
 
@@ -102,11 +106,19 @@ class Asked(Request):
         None, description="null: relations follow the samples alone."
     )
 
-    def declaration(self) -> Declaration:
+    sql: Annotated[str, Field(max_length=100_000)] | None = Field(
+        None,
+        examples=["select r.name, t.name from track t, room r where st_contains(r.footprint, t.position)"],
+        description="Instead of predicate, sides, distance, abstraction and dimensions: a SELECT over the"
+        " views of semap_query. Its columns are what is told of each relation.",
+    )
+
+    def declaration(self, connection: Connection) -> Declaration:
         """raises InvalidInput"""
+        if self.sql is not None:
+            return self._declaration_in_sql(connection, self.sql)
         if self.concept is not None and self.object.concept not in (None, self.concept):
             raise InvalidInput("concept and object.concept differ", "Say one of them.")
-        sure, between = self.certainty, self.between_samples
         return Declaration(
             name=self.name,
             predicate=self.predicate,
@@ -115,10 +127,23 @@ class Asked(Request):
             distance_m=self.distance_m,
             abstraction=self.abstraction,
             dimensions=self.dimensions,
-            debounce=Debounce(**self.debounce.model_dump()),
-            certainty=None if sure is None else Certainty(**sure.model_dump()),
-            between_samples=None if between is None else BetweenSamples(**between.model_dump()),
+            **self._edges(),
         )
+
+    def _declaration_in_sql(self, connection: Connection, sql: str) -> Declaration:
+        said = self.model_fields_set & IN_SQL
+        if said:
+            raise InvalidInput(f"sql says what {', '.join(sorted(said))} would say", "Say one of them.")
+        return replace(queries.declaration_from_sql(connection, self.name, sql), **self._edges())
+
+    def _edges(self) -> dict[str, Any]:
+        """What makes edges honest: none of it can be said in SQL."""
+        sure, between = self.certainty, self.between_samples
+        return {
+            "debounce": Debounce(**self.debounce.model_dump()),
+            "certainty": None if sure is None else Certainty(**sure.model_dump()),
+            "between_samples": None if between is None else BetweenSamples(**between.model_dump()),
+        }
 
 
 class NewQuery(Asked):
@@ -147,6 +172,11 @@ class QueryDocument(Document):
     debounce: DebounceDocument
     certainty: CertaintyDocument | None
     between_samples: BetweenSamplesDocument | None
+    payload: dict[str, str] = Field(
+        description="What is told of each relation, by the name of its column.",
+        examples=[{"room_name": "object.name", "track_name": "subject.name"}],
+    )
+    sql: str | None = Field(description="As it was declared; null where it was not in SQL.")
     enabled: bool
 
 
@@ -173,7 +203,7 @@ def list_queries(
 def add_query(write: Write, new: NewQuery, response: Response) -> QueryDocument:
     """Keep relations to another kind of thing. Those that hold now hold with the answer."""
     with write.begin() as connection:
-        made = queries.add_query(connection, new.map, new.declaration())
+        made = queries.add_query(connection, new.map, new.declaration(connection), sql=new.sql)
     response.headers["Location"] = f"/queries/{made.query_id}"
     return _document(made)
 
@@ -196,7 +226,7 @@ def change_query(edit: Edit, id: SmallId, changes: QueryChanges) -> QueryDocumen
 def replace_query(edit: Edit, id: SmallId, asked: Asked) -> QueryDocument:  # noqa: A002
     """Let a query ask something else from now on. What that changes begins or ends now: cause `map`."""
     with edit.begin(lambda connection: _read(connection, id)) as connection:
-        return _document(queries.change_query(connection, id, asked.declaration()))
+        return _document(queries.change_query(connection, id, asked.declaration(connection), sql=asked.sql))
 
 
 @router.delete("/queries/{id}", operation_id="delete_query", status_code=204, responses=edits(404, 409))
@@ -227,5 +257,6 @@ def _document(query: queries.Query) -> QueryDocument:
         map=query.map,
         concept=asked.object.concept,
         enabled=query.enabled,
+        sql=query.sql,
         **{name: getattr(asked, name) for name in names},
     )
