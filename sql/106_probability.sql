@@ -209,25 +209,22 @@ comment on function semap.edge_probability is
   'How much of the standard normal distribution in the plane lies in the triangle of the origin and an edge, negative'
   ' where the edge goes around the origin clockwise; these add up to what lies in a ring.';
 
--- The edges of an area by ring (the first of each polygon is its outer one) in coordinates u = ux (x - x0) + uy (y - y0)
--- and v likewise. A coordinate below 1e-76 m becomes 0.
+-- The edges of an area, which lies to the left of each, in coordinates u = ux (x - x0) + uy (y - y0) and v likewise. A
+-- coordinate below 1e-76 m becomes 0.
 create or replace function semap.edges_seen_from(
   p_shape public.geometry, p_x0_m double precision, p_y0_m double precision,
   p_ux double precision, p_uy double precision, p_vx double precision, p_vy double precision
-) returns table (
-  polygon integer, ring integer, u1 double precision, v1 double precision, u2 double precision, v2 double precision
-)
+) returns table (u1 double precision, v1 double precision, u2 double precision, v2 double precision)
 language sql immutable parallel safe as $$
-  select case cardinality(path) when 3 then path[1] else 1 end, path[cardinality(path) - 1],
-         p_ux * x1 + p_uy * y1, p_vx * x1 + p_vy * y1, p_ux * x2 + p_uy * y2, p_vx * x2 + p_vy * y2
-  from (select path, st_x(a) - p_x0_m + 1e-60 - 1e-60 as x1, st_y(a) - p_y0_m + 1e-60 - 1e-60 as y1,
+  select p_ux * x1 + p_uy * y1, p_vx * x1 + p_vy * y1, p_ux * x2 + p_uy * y2, p_vx * x2 + p_vy * y2
+  from (select st_x(a) - p_x0_m + 1e-60 - 1e-60 as x1, st_y(a) - p_y0_m + 1e-60 - 1e-60 as y1,
                st_x(b) - p_x0_m + 1e-60 - 1e-60 as x2, st_y(b) - p_y0_m + 1e-60 - 1e-60 as y2
-        from (select path, st_startpoint(geom) as a, st_endpoint(geom) as b
-              from st_dumpsegments(p_shape) offset 0) s offset 0) e
+        from (select st_startpoint(geom) as a, st_endpoint(geom) as b
+              from st_dumpsegments(st_forcepolygonccw(p_shape)) offset 0) s offset 0) e
 $$;
 comment on function semap.edges_seen_from is
-  'The edges of an area by ring (the first of each polygon is its outer one) in coordinates u = ux (x - x0) + uy (y - y0)'
-  ' and v likewise. A coordinate below 1e-76 m becomes 0.';
+  'The edges of an area, which lies to the left of each, in coordinates u = ux (x - x0) + uy (y - y0) and v likewise. A'
+  ' coordinate below 1e-76 m becomes 0.';
 
 -- How probable it is that a position lies in an area whose error is along one direction only, in which its standard
 -- deviation is a vector [m]. `least` and `most` are for lines a billionth of it to either side, which may run along an edge.
@@ -240,17 +237,14 @@ language plpgsql immutable parallel safe as $$
 declare
   c_variance  constant double precision := p_std_x_m * p_std_x_m + p_std_y_m * p_std_y_m;
 begin
-  -- a ring holds of the line what is between crossings, which lead to the left and to the right by turns
+  -- the line comes in where an edge leads down, and goes out where one leads up
   select avg(held), min(held) - 1e-12, max(held) + 1e-12 into probability, "least", most
   from unnest(array[-1e-9 * c_variance, 1e-9 * c_variance]) as aside,
-       lateral (select coalesce(sum(case when ring = 1 then abs(between_crossings) else -abs(between_crossings) end), 0) as held
-                from (select polygon, ring,
-                             sum(((v2 > aside)::integer - (v1 > aside)::integer)
-                                 * semap.normal_cdf(u1 + (u2 - u1) * ((aside - v1) / (v2 - v1)))) as between_crossings
-                      from semap.edges_seen_from(p_shape, p_x_m, p_y_m, p_std_x_m / c_variance, p_std_y_m / c_variance,
-                                                 -p_std_y_m, p_std_x_m)
-                      where (v1 > aside) <> (v2 > aside)
-                      group by polygon, ring) r) s;
+       lateral (select coalesce(sum(case when v1 > aside then -1 else 1 end
+                                    * semap.normal_cdf(u1 + (u2 - u1) * ((aside - v1) / (v2 - v1)))), 0) as held
+                from semap.edges_seen_from(p_shape, p_x_m, p_y_m, p_std_x_m / c_variance, p_std_y_m / c_variance,
+                                           -p_std_y_m, p_std_x_m)
+                where (v1 > aside) <> (v2 > aside)) s;
 end $$;
 comment on function semap.probability_on_line is
   'How probable it is that a position lies in an area whose error is along one direction only, in which its standard'
@@ -277,6 +271,7 @@ declare
   v_axis      double precision[];
   v_std       double precision;
   v_distance  double precision;
+  v_skew      double precision;
   v_error     double precision;
 begin
   if p_shape is null or p_x_m is null or p_y_m is null then
@@ -300,26 +295,23 @@ begin
     "least" := greatest(0, probability - 1e-15);
     most := least(1, probability + 1e-15);
     return;
-  elsif st_npoints(v_shape) > 50 then
-    v_shape := st_clipbybox2d(v_shape, st_makeenvelope(p_x_m - 9 * sqrt(c_xx), p_y_m - 9 * sqrt(c_yy),
-                                                       p_x_m + 9 * sqrt(c_xx), p_y_m + 9 * sqrt(c_yy))::box2d);
-  end if;
-  if c_det <= 1e-12 * c_trace * c_trace then
+  elsif c_det <= 1e-12 * c_trace * c_trace then
     v_std := c_trace / 2 + sqrt(((c_xx - c_yy) / 2) ^ 2 + c_xy * c_xy); -- the variance along the line
     v_axis := case when c_xx >= c_yy then array[v_std - c_yy, c_xy] else array[c_xy, v_std - c_xx] end;
     v_std := sqrt(v_std / (v_axis[1] * v_axis[1] + v_axis[2] * v_axis[2]));
     select l.probability, l."least", l.most into probability, "least", most
     from semap.probability_on_line(p_shape, p_x_m, p_y_m, v_std * v_axis[1], v_std * v_axis[2]) l;
   else
+    if st_npoints(v_shape) > 50 then
+      v_shape := st_clipbybox2d(v_shape, st_makeenvelope(p_x_m - 9 * sqrt(c_xx), p_y_m - 9 * sqrt(c_yy),
+                                                         p_x_m + 9 * sqrt(c_xx), p_y_m + 9 * sqrt(c_yy))::box2d);
+    end if;
     -- in coordinates in which the error is alike in all directions, and of one; v_error is what is rounded
-    select coalesce(sum(case when ring = 1 then abs(held) else -abs(held) end), 0), coalesce(sum(error), 0)
+    v_skew := sqrt(c_xx * c_yy / c_det);
+    select coalesce(sum(semap.edge_probability(u1, v1, u2, v2)), 0),
+           coalesce(sum(4e-15 * v_skew * (v_skew + greatest(abs(u1), abs(v1), abs(u2), abs(v2)))), 0)
     into probability, v_error
-    from (select polygon, ring, sum(semap.edge_probability(u1, v1, u2, v2)) as held,
-                 sum(sqrt(c_xx * c_yy / c_det) * (sqrt(c_xx * c_yy / c_det) + greatest(abs(u1), abs(v1), abs(u2), abs(v2)))
-                     * 4e-15) as error
-          from semap.edges_seen_from(v_shape, p_x_m, p_y_m, 1 / sqrt(c_xx), 0,
-                                     -c_xy / sqrt(c_xx * c_det), sqrt(c_xx / c_det))
-          group by polygon, ring) r;
+    from semap.edges_seen_from(v_shape, p_x_m, p_y_m, 1 / sqrt(c_xx), 0, -c_xy / sqrt(c_xx * c_det), sqrt(c_xx / c_det));
     "least" := probability - v_error - 1e-15;
     most := probability + v_error + 1e-15;
   end if;

@@ -318,6 +318,13 @@ def test_with_an_error_along_a_line_it_is_what_the_line_has_inside(
     assert least - 1e-6 <= expected <= most + 1e-6
 
 
+def test_a_line_through_many_corners_is_no_other(postgis: psycopg.Connection) -> None:
+    disc = shapely.Point(0, 0).buffer(2, quad_segs=100)
+    for covariance in ((0, 0, 1), (1, 0, 0), (0.5, 0.5, 0.5), (0.5, -0.5, 0.5)):
+        found = probability(postgis, disc, (0, 0), covariance)
+        assert found == pytest.approx(2 * special.ndtr(2) - 1, abs=1e-12)
+
+
 def test_on_a_line_along_an_edge_either_side_may_be_right(postgis: psycopg.Connection) -> None:
     assert asked(postgis, shapely.box(0, 0, 90, 90), (0, 45), (0, 0, 1)) == (0.5, 0, 1)
     assert asked(postgis, shapely.box(0, 0, 90, 90), (1, 0), (1, 0, 0))[1:] == (
@@ -355,6 +362,18 @@ def test_what_is_no_covariance_or_no_area_is_refused(
 ) -> None:
     with pytest.raises(psycopg.errors.InvalidParameterValue):
         asked(postgis, shape, (0, 0), covariance)
+
+
+def test_it_is_asked_in_parallel_plans(postgis: psycopg.Connection) -> None:
+    with postgis.transaction(force_rollback=True):
+        postgis.execute("create table public.place as select n::float8 as x from generate_series(0, 4) n")
+        postgis.execute("set local force_parallel_mode = on")
+        found = postgis.execute(
+            "select array_agg((semap.probability_inside(st_makeenvelope(0, -90, 90, 90), x, 0, 1, 0, 1)).probability order by x)"
+            " from public.place"
+        ).fetchone()
+    assert found is not None
+    assert found[0] == pytest.approx(special.ndtr(range(5)), abs=1e-12)
 
 
 SIZES = st.sampled_from([0, 1e-300, 1e-170, 1e-90, 1e-61, 1e-31, 1e-16, 1e-9, 1e-4, 0.1, 1, 30, 1e6])
