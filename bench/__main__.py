@@ -18,6 +18,7 @@ from pathlib import Path
 
 from bench import (
     abstractions,
+    certainty,
     feed,
     latency,
     looking_back,
@@ -83,6 +84,11 @@ BENCHMARKS = {
         "exact 3D predicates on pairs of meshes",
         "boxes apart 1 ms, surfaces apart 100 ms, touching 1 s, at 1,280 triangles",
         lambda dsn: solid.measure(dsn, 3),
+    ),
+    "certainty": Benchmark(
+        "one thing asked of one state, as triggers do: a condition, a distance, a probability",
+        "us at most 20 for the condition, at most 100 for a room",
+        certainty.measure,
     ),
     "rules": Benchmark(
         f"{rules.ROUNDS} rounds of {rules.ROWS:,} rows, the engine and Flink in turn; then memory",
