@@ -12,16 +12,19 @@ $$;
 comment on function semap.can_follow is
   'Whether one place can follow on another, some time later.';
 
--- Whether a state is so far from where its track was that the gate has to look at it. Of several states that follow on
--- each other, one is, if any step between them is too long.
-create or replace function semap.is_far(
-  p_source semap.source, p_live boolean, p_dx_m double precision, p_dy_m double precision
-) returns boolean
+-- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it was
+-- may be known only to within its calm.
+create or replace function semap.any_far_step(p_source semap.source, p_arrivals semap.arrival[]) returns boolean
 language sql immutable parallel safe as $$
-  select p_live and p_dx_m ^ 2 + p_dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2
+  select exists (
+    select from (
+      select x_m - lag(x_m, 1, case when live then from_x_m end) over one_track as dx_m,
+             y_m - lag(y_m, 1, case when live then from_y_m end) over one_track as dy_m
+      from unnest(p_arrivals) window one_track as (partition by track_id order by stamp)) step
+    where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2)
 $$;
-comment on function semap.is_far is
-  'Whether a state is so far from where its track was that the gate has to look at it.';
+comment on function semap.any_far_step is
+  'Whether the gate has to look at these states, since a step of a track is more than half as long as a jump.';
 
 -- Keep with a track what was set aside of it, or that nothing is. It is looked up at its next state.
 create or replace function semap.set_aside(p_track_id bigint, p_state semap.arrival) returns void

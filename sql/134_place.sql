@@ -28,7 +28,7 @@ create or replace function semap.may_place_late(p_source_id integer, p_map_id in
 returns boolean
 language plpgsql stable as $$  -- which keeps its plan
 begin
-  return coalesce((select jump_m >= 4 * p_cell_m or jump_m is null from semap.source where source_id = p_source_id), false)
+  return coalesce((select jump_m >= 3 * p_cell_m or jump_m is null from semap.source where source_id = p_source_id), false)
     and not exists (select from semap.region where map_id = p_map_id and careful and longest_gap is not null);
 end $$;
 comment on function semap.may_place_late is

@@ -67,8 +67,7 @@ begin
     end if;
     -- what is needed of places that are not written yet, and of the other states of the same tracks
     v_is_stale := v_count.frame_stamp > v_count.placed_stamp
-      and (v_appeared > 0 and v_first <= v_count.frame_stamp
-           or exists (select from unnest(v_arrivals) where semap.is_far(v_source, live, x_m - from_x_m, y_m - from_y_m)));
+      and (v_appeared > 0 and v_first <= v_count.frame_stamp or semap.any_far_step(v_source, v_arrivals));
     if v_is_stale then
       perform semap.settle_places(array[v_source_id]);
       v_is_whole := false;
@@ -84,8 +83,9 @@ begin
         and n.stamp > t.stamp and (n.stamp > v_count.frame_stamp or not t.live);
     end if;
     v_passed := v_arrivals;
-    if exists (select from unnest(v_arrivals) a join semap.track_now t using (track_id)
-               where t.outlier_stamp is not null or semap.is_far(v_source, a.live, a.x_m - a.from_x_m, a.y_m - a.from_y_m)) then
+    if semap.any_far_step(v_source, v_arrivals)
+       or exists (select from semap.track_now
+                  where outlier_stamp is not null and track_id in (select track_id from unnest(v_arrivals))) then
       v_passed := semap.gated(v_source, v_arrivals);
       v_is_whole := false;
     end if;
