@@ -27,6 +27,7 @@ from bench import (
     page,
     recording,
     rules,
+    side_by_side,
     solid,
     throughput,
 )
@@ -56,6 +57,12 @@ BENCHMARKS = {
         f"{throughput.ROUNDS} rounds of {throughput.FRAMES} batches, bare COPY and triggers in turn",
         "ratio_median at least 0.25",
         throughput.measure,
+    ),
+    "peers": Benchmark(
+        f"{side_by_side.ROUNDS} rounds of {side_by_side.FRAMES} batches, semap's triggers and each of"
+        " bench/peers in turn",
+        "the same changes by all",
+        side_by_side.measure,
     ),
     "latency": Benchmark(
         f"{latency.LENGTH_S:.0f} s through the triggers, the log, the worker and the service",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import psycopg
@@ -60,16 +62,48 @@ def walk(floor: Floor, tracks: int, frames: int, pause_s: float, seed: int = 1) 
     return places
 
 
+def frame_stamps(frames: int, first_us: int) -> NDArray[np.int64]:
+    """(frames,) [us]"""
+    return first_us + np.rint(np.arange(frames) * 1e6 / RATE_HZ).astype(np.int64)
+
+
 def batches(track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us: int) -> list[bytes]:
     """One COPY a frame, of one state of every track."""
     tracks = len(track_ids)
     return [
         pack_states(
-            track_ids, np.full(tracks, first_us + round(frame * 1e6 / RATE_HZ)), x_m, y_m,
+            track_ids, np.full(tracks, stamp_us), x_m, y_m,
             np.full(tracks, 1.0), np.full(tracks, 0.05), np.zeros(tracks, dtype=np.bool_),
         )
-        for frame, (x_m, y_m) in enumerate(places.transpose(0, 2, 1))
+        for stamp_us, (x_m, y_m) in zip(
+            frame_stamps(len(places), first_us), places.transpose(0, 2, 1), strict=True
+        )
     ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Where everybody is in each frame, and the rooms that they may be in.
+
+    track_ids  (tracks,)
+    places     (frames, tracks, 2) [m]
+    first_us   the stamp of the first frame [us]
+    """
+
+    rooms: Sequence[shapely.Polygon]
+    track_ids: NDArray[np.int64]
+    places: NDArray[np.float64]
+    first_us: int
+
+    @cached_property
+    def stamps_us(self) -> NDArray[np.int64]:
+        """(frames,) [us]"""
+        return frame_stamps(len(self.places), self.first_us)
+
+    @cached_property
+    def batches(self) -> list[bytes]:
+        """One COPY a frame, of one state of every track."""
+        return batches(self.track_ids, self.places, self.first_us)
 
 
 def build_map(

@@ -40,9 +40,11 @@ class Flink:
     libraries: tuple[Path, ...]
     classes: Path
 
-    def command(self, program: str, *arguments: str, options: Sequence[str] = ()) -> list[str]:
-        """What starts a program of this folder; the options are the JVM's."""
-        path = os.pathsep.join(map(str, (self.classes, *self.libraries)))
+    def command(
+        self, program: str, *arguments: str, options: Sequence[str] = (), libraries: Sequence[Path] = ()
+    ) -> list[str]:
+        """What starts a program of this folder; options are the JVM's; libraries, what else it needs."""
+        path = os.pathsep.join(map(str, (self.classes, *self.libraries, *libraries)))
         opened = [f"--add-opens={package}=ALL-UNNAMED" for package in OPENED]
         quiet = "-Dlog4j2.level=OFF"
         return [self.java, *options, *opened, quiet, "-cp", path, program, *arguments]
