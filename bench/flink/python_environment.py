@@ -39,15 +39,12 @@ class FlinkPython:
 
 def find_python() -> FlinkPython:
     """raises FlinkMissing unless it has been made and Flink's library for it is there"""
-    flink = HOME / "pyflink"
-    library = next((flink / "opt").glob("flink-python-*.jar"), None)
-    if library is None:
-        raise FlinkMissing(f"Flink's library for Python is not in {HOME}: run ./dev flink once.")
+    library = _library()
     home = _home()
     if not home.exists():
         raise FlinkMissing(f"Flink's Python is not in {HOME}: run ./dev flink once.")
     packages = next(home.glob("lib/python3.*/site-packages"))
-    return FlinkPython(home / "bin" / "python", packages, library, flink)
+    return FlinkPython(home / "bin" / "python", packages, library, library.parents[1])
 
 
 def make_python() -> FlinkPython:
@@ -55,9 +52,10 @@ def make_python() -> FlinkPython:
 
     raises  FlinkMissing with the reason if it cannot be made
     """
+    _library()
     home = _home()
     if not home.exists():
-        HOME.mkdir(exist_ok=True)
+        print(f"installing a Python for Flink in {HOME}, about 430 MB", file=sys.stderr, flush=True)
         unfinished = Path(tempfile.mkdtemp(dir=HOME, prefix="installing-"))
         try:
             _run(_interpreter(), "-m", "venv", str(unfinished))
@@ -73,6 +71,13 @@ def make_python() -> FlinkPython:
         finally:
             shutil.rmtree(unfinished, ignore_errors=True)
     return find_python()
+
+
+def _library() -> Path:
+    library = next((HOME / "pyflink" / "opt").glob("flink-python-*.jar"), None)
+    if library is None:
+        raise FlinkMissing(f"Flink's library for Python is not in {HOME}: run ./dev flink once.")
+    return library
 
 
 def _home() -> Path:
