@@ -96,6 +96,7 @@ public final class FlinkRooms {
         private final BlockingQueue<Long> rounds = new LinkedBlockingQueue<>();
         private final List<long[]> found = new ArrayList<>();
         private JobClient client;
+        private CompletableFuture<?> ended;
         private int frames;
         private volatile long lastMs;
         private volatile long startedNs;
@@ -109,11 +110,7 @@ public final class FlinkRooms {
         private void start(String function, String mode) throws Exception {
             if (client == null) {
                 client = submit(name, function, mode);
-                client.getJobExecutionResult().whenComplete((result, failure) -> {
-                    if (failure != null) {
-                        done.completeExceptionally(failure);
-                    }
-                });
+                ended = client.getJobExecutionResult();
             }
         }
 
@@ -123,14 +120,16 @@ public final class FlinkRooms {
             frames += count;
             lastMs = stampsUs[frames - 1] / 1000;
             rounds.add((long) frames * trackIds.length);
-            done.get();
+            CompletableFuture.anyOf(done, ended).get();
         }
 
         private void stop() {
             try {
-                client.cancel().get();
-            } catch (Exception ended) {
-                // it has failed before, and said so
+                if (client != null) {
+                    client.cancel().get();
+                }
+            } catch (Exception over) {
+                // it has come to its end before, or failed, and said so
             }
         }
     }

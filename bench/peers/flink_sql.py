@@ -160,7 +160,7 @@ class Jobs:
         for line in self._process.stdout:
             kind, _, said = line.strip().partition(" ")
             if kind == "failed":
-                raise JobFailed(said)
+                raise JobFailed(said[-200:])
             if kind == "answer":
                 return said
         raise JobFailed("the JVM has ended")

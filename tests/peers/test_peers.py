@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from bench.crowd import Crowd, Floor, walk
 from bench.flink import environment, python_environment
 from bench.flink.environment import Flink, FlinkMissing
 from bench.flink.python_environment import FlinkPython
-from bench.peers import Changes, Fed, Named, PeerMissing, flink_sql, ordered, peers, row_trigger
+from bench.peers import Changes, Fed, Named, Peer, PeerMissing, flink_sql, ordered, peers, row_trigger
 from semap.store.database import connect
 
 FLOOR = Floor(3, 2)
@@ -59,7 +60,7 @@ def test_semap_and_the_row_trigger_find_what_shapely_finds(database: str) -> Non
     with connect(database) as connection:
         triggers, crowd = side_by_side.begin_triggers(connection, "floor", ROOMS, PLACES, FRAMES)
         with row_trigger.begin(database, crowd, FRAMES) as peer:
-            ways = {"semap": triggers, "row_trigger": peer}
+            ways: dict[str, Peer] = {"semap": triggers, "row_trigger": peer}
             found = side_by_side.rounds_in_turn(ways, ROUNDS, FRAMES)
         wanted = _oracle(crowd)
         for way, made in ways.items():
@@ -110,7 +111,9 @@ def test_a_peer_that_is_not_here_is_a_row_that_says_so(
     ]
 
 
-def test_a_python_that_cannot_be_installed_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_a_python_that_cannot_be_installed_is_missing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     (tmp_path / "pyflink" / "opt").mkdir(parents=True)
     (tmp_path / "pyflink" / "opt" / "flink-python-2.3.0.jar").touch()
     (tmp_path / "packages.txt").write_text("not-a-folder-of-packages @ file:///nowhere\n")
