@@ -9,28 +9,26 @@ language sql immutable parallel safe as $$
              (p_state).heading_rad, (p_state).speed_mps, (p_state).length_m, (p_state).width_m, (p_state).is_last,
              (p_now).source_id, (p_now).map_id, (p_now).cell_m, (p_now).live,
              greatest((p_now).stamp, case when (p_now).live then p_frame_stamp end),
-             (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids)::semap.arrival
+             (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp)::semap.arrival
 $$;
 comment on function semap.arrival_of is
   'A state with what was known of its track before it.';
 
 -- Refuse a batch that holds states of unknown tracks, or of several sources.
-create or replace function semap.check_arrivals(p_source_id integer, p_arrivals semap.arrival[]) returns void
+create or replace function semap.refuse_strange(p_source_id integer, p_arrivals semap.arrival[]) returns void
 language plpgsql as $$
 declare
   v_track_id  bigint;
 begin
-  if exists (select from unnest(p_arrivals) where source_id is null) then
-    select min(track_id) into v_track_id from unnest(p_arrivals) where source_id is null;
+  select min(track_id) into v_track_id from unnest(p_arrivals) where source_id is null;
+  if v_track_id is not null then
     raise exception 'There is no track %.', v_track_id
       using errcode = 'foreign_key_violation', hint = 'Insert the track into semap.track first.';
   end if;
-  if exists (select from unnest(p_arrivals) where source_id <> p_source_id) then
-    raise exception 'The states of one statement come from more than one source.'
-      using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
-  end if;
+  raise exception 'The states of one statement come from more than one source.'
+    using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
 end $$;
-comment on function semap.check_arrivals is
+comment on function semap.refuse_strange is
   'Refuse a batch that holds states of unknown tracks, or of several sources.';
 
 -- Bring tracks to where these states say, and give what began and ended by it with plain regions, at the stamp of the

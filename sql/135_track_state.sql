@@ -21,11 +21,13 @@ declare
   v_tracks      bigint;
   v_first       timestamptz;
   v_last        timestamptz;
+  v_strange     bigint;
   v_late        bigint := 0;
   v_appeared    bigint := 0;
   v_ended       bigint := 0;
   v_is_whole    boolean;
   v_is_stale    boolean;
+  v_is_far      boolean;
   v_is_frame    boolean := false;
   v_is_careful  boolean;
   v_arrivals    semap.arrival[];
@@ -40,7 +42,10 @@ begin
   v_count.frame_stamp := coalesce(v_count.frame_stamp, '-infinity');
 
   select count(*), count(distinct n.track_id), min(n.stamp), max(n.stamp),
-         array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) filter (where not (
+         array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
+                       n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live,
+                       greatest(t.stamp, case when t.live then v_count.frame_stamp end),
+                       t.x_m, t.y_m, t.z_m, t.region_ids, t.outlier_stamp)::semap.arrival) filter (where not (
            n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
            and case when n.z_m is null then t.calm_z_min_m is null
                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
@@ -55,19 +60,23 @@ begin
 
   v_is_whole := v_first = v_last and v_tracks = v_states;
   if v_arrivals is not null then
-    perform semap.check_arrivals(v_source_id, v_arrivals);
     select * into v_source from semap.source where source_id = v_source_id;
-    select count(*) filter (where stamp <= seen_stamp),
+    select count(*) filter (where source_id is distinct from v_source_id),
+           count(*) filter (where stamp <= seen_stamp),
            count(distinct track_id) filter (where not live and stamp > seen_stamp),
-           count(*) filter (where is_last and stamp > seen_stamp)
-      into v_late, v_appeared, v_ended
+           count(*) filter (where is_last and stamp > seen_stamp),
+           bool_or(outlier_stamp is not null or live and (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2)
+      into v_strange, v_late, v_appeared, v_ended, v_is_far
     from unnest(v_arrivals);
+    if v_strange > 0 then
+      perform semap.refuse_strange(v_source_id, v_arrivals);
+    end if;
     if v_late > 0 then
       perform semap.note_late(v_source_id, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
     end if;
     -- what is needed of places that are not written yet, and of the other states of the same tracks
     v_is_stale := v_count.frame_stamp > v_count.placed_stamp
-      and (v_appeared > 0 and v_first <= v_count.frame_stamp or semap.any_far_step(v_source, v_arrivals));
+      and (v_appeared > 0 and v_first <= v_count.frame_stamp or v_is_far);
     if v_is_stale then
       perform semap.settle_places(array[v_source_id]);
       v_is_whole := false;
@@ -83,9 +92,7 @@ begin
         and n.stamp > t.stamp and (n.stamp > v_count.frame_stamp or not t.live);
     end if;
     v_passed := v_arrivals;
-    if semap.any_far_step(v_source, v_arrivals)
-       or exists (select from semap.track_now
-                  where outlier_stamp is not null and track_id in (select track_id from unnest(v_arrivals))) then
+    if v_is_far or v_tracks < v_states and semap.any_far_step(v_source, v_arrivals) then
       v_passed := semap.gated(v_source, v_arrivals);
       v_is_whole := false;
     end if;

@@ -77,7 +77,8 @@ CHANGE = (
       track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision,
       std_m real, heading_rad real, speed_mps real, length_m real, width_m real, is_last boolean,
       source_id integer, map_id integer, cell_m double precision, live boolean, seen_stamp timestamptz,
-      from_x_m double precision, from_y_m double precision, from_z_m double precision, region_ids integer[]
+      from_x_m double precision, from_y_m double precision, from_z_m double precision, region_ids integer[],
+      outlier_stamp timestamptz
     )
     """,
     """
