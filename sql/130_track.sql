@@ -89,15 +89,27 @@ comment on function semap.track_leaves is
 create or replace trigger track_leaves before delete on semap.track
   for each row execute function semap.track_leaves();
 
--- With a track go its states and what they changed; a track of the same name starts anew.
+-- With a track go its states and what they changed; a track of the same name starts anew. Where its states lie its
+-- present says, which goes last. Rows go before packed ones: whoever packs them at this moment is waited for there, so
+-- that all that was packed is seen.
 create or replace function semap.track_deleted() returns trigger
-language plpgsql security definer set search_path = public, pg_temp as $$
+language plpgsql security definer
+set search_path = public, pg_temp set plan_cache_mode = force_custom_plan as $$
+declare
+  v_first  timestamptz;
+  v_last   timestamptz;
 begin
   delete from semap.relation where track_id in (select track_id from old_track);
   delete from semap.relation_change where track_id in (select track_id from old_track);
   delete from semap.relation_past where track_id in (select track_id from old_track);
+  select min(n.first_stamp), greatest(max(n.stamp), max(n.outlier_stamp), max(c.frame_stamp)) into v_first, v_last
+  from semap.track_now n left join semap.source_count c using (source_id)
+  where n.track_id in (select track_id from old_track);
+  delete from semap.track_state
+  where track_id in (select track_id from old_track) and stamp >= v_first and stamp <= v_last;
+  delete from semap.track_state_packed where track_id in (select track_id from old_track);
+  delete from semap.track_now where track_id in (select track_id from old_track);
   update semap.source_count set frame_tracks = null where source_id in (select source_id from old_track);
-  delete from semap.track_state where track_id in (select track_id from old_track);
   return null;
 end $$;
 comment on function semap.track_deleted is

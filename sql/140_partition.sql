@@ -23,6 +23,7 @@ begin
         execute format('create table semap.%I (like semap.%I including all)', v_name, v_table);
         execute format('alter table semap.%I attach partition semap.%I for values from (%L) to (%L)',
                        v_table, v_name, v_from, v_from + interval '1 day');
+        execute format('comment on table semap.%I is %L', v_name, 'Made at ' || clock_timestamp());
       exception when check_violation then
         null; -- rows of this day lie in the default partition
       end;

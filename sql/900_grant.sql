@@ -41,6 +41,9 @@ grant update (ended_at) on semap.track to semap_ingest;
 grant execute on function semap.ensure_partitions to semap_ingest;
 
 grant execute on function semap.commit_progress, semap.add_events, semap.commit_recompute to semap_worker;
+grant execute on function
+  semap.ensure_partitions, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
+to semap_worker;
 grant update (idle) on semap.source to semap_worker;
 grant update (replayed_at) on semap.late_row to semap_worker;
 

@@ -80,7 +80,10 @@ to semap_admin;
 grant update (watermark, lateness, ended) on semap.source to semap_admin;
 grant update (states_done, finished_at) on semap.recording to semap_admin;
 grant update (ended_at) on semap.track to semap_admin;
-grant execute on function semap.ensure_partitions, semap.undo_change_set to semap_admin;
+grant execute on function
+  semap.ensure_partitions, semap.undo_change_set, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
+to semap_admin;
+grant update (pack_after, drop_after) on semap.retention to semap_admin;
 
 -- A writer of some maps: as semap_api, but no maps are made, and no concepts, which all maps share.
 grant delete, update (name) on semap.map to semap_api_map;

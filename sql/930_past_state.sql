@@ -1,4 +1,4 @@
--- States that were, for whoever may see their tracks. The view semap.track_state_seen finds what lies in a stretch of
+-- States that were, be they rows or packed, for whoever may see their tracks. The view semap.track_state_seen finds what lies in a stretch of
 -- time; what it would have to sort first (the newest one before a moment, the first hundred) is found here by an index.
 -- States are kept in the order of time and not of their tracks, which would make each write dearer: a look at one track
 -- reads those of the others at that time, so it never leaves the time in which the track was seen.
@@ -14,7 +14,8 @@ $$;
 comment on function semap.seen_between is
   'When a track was seen first and last, or ended; nothing of one that the caller may not see.';
 
--- The first states of a track between two moments, both included, that come after a third one.
+-- The first states of a track between two moments, both included, that come after a third one. Of packed ones only so
+-- many are opened as it takes.
 create or replace function semap.states_of_track(
   p_track_id bigint, p_from timestamptz, p_to timestamptz, p_after timestamptz, p_limit integer
 ) returns setof semap.track_state
@@ -24,16 +25,24 @@ declare
   v_from  timestamptz;
   v_to    timestamptz;
 begin
-  select greatest(p_from, first), least(p_to, last) into v_from, v_to from semap.seen_between(p_track_id);
+  select greatest(p_from, first, p_after), least(p_to, last) into v_from, v_to from semap.seen_between(p_track_id);
+  select least(v_to, min(to_stamp)) into v_to
+  from (select to_stamp, sum(states) over (order by from_stamp) - first_value(states) over (order by from_stamp) as states
+        from semap.track_state_packed
+        where track_id = p_track_id and to_stamp >= v_from and from_stamp > v_from - interval '30 min' and from_stamp <= v_to
+       ) packed
+  where states > p_limit;
   return query
-    select * from semap.track_state s
+    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    from semap.stored_state s
     where s.track_id = p_track_id and s.stamp >= v_from and s.stamp <= v_to and s.stamp > p_after
+      and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= v_from
     order by s.stamp limit p_limit;
 end $$;
 comment on function semap.states_of_track is
   'The first states of a track between two moments, both included, that come after a third one.';
 
--- The newest state of a track at a moment, not older than another moment.
+-- The newest state of a track at a moment, not older than another moment. Of packed ones only the last is opened.
 create or replace function semap.state_before(p_track_id bigint, p_at timestamptz, p_since timestamptz default '-infinity')
 returns setof semap.track_state
 language plpgsql stable parallel safe security definer rows 1
@@ -43,9 +52,13 @@ declare
   v_at     timestamptz;
 begin
   select greatest(p_since, first), least(p_at, last) into v_since, v_at from semap.seen_between(p_track_id);
+  select greatest(v_since, max(from_stamp)) into v_since
+  from semap.track_state_packed where track_id = p_track_id and from_stamp <= v_at;
   return query
-    select * from semap.track_state s
+    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    from semap.stored_state s
     where s.track_id = p_track_id and s.stamp <= v_at and s.stamp >= v_since
+      and s.from_stamp > v_since - interval '30 min' and s.from_stamp <= v_at and s.to_stamp >= v_since
     order by s.stamp desc limit 1;
 end $$;
 comment on function semap.state_before is

@@ -12,12 +12,13 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Connection, column, func, literal_column, select, table
+from sqlalchemy import Connection, func, literal_column, select
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 
 from semap.model.event import Evidence
 from semap.store.database import translated
 from semap.store.maps import map_id_of
+from semap.store.seen_state import SEEN, seen_at
 from semap.store.tables import abstraction, event, event_amendment, event_evidence, map_, progress
 
 LOOKED_AT = 10_000
@@ -174,12 +175,9 @@ def _evidence(uid: str, variable: str, source: Any, stamp: str) -> Evidence:
     return Evidence(UUID(uid), variable, source, datetime.fromisoformat(stamp))
 
 
-_SEEN = table(
-    "track_state_seen", column("track_id"), column("stamp"), column("x_m"), column("y_m"), schema="semap"
-)
 _SEEN_AT = (
-    select(func.public.st_point(_SEEN.c.x_m, _SEEN.c.y_m))
-    .where(_SEEN.c.track_id == event.c.track_id, _SEEN.c.stamp == event.c.stamp)
+    select(func.public.st_point(SEEN.c.x_m, SEEN.c.y_m))
+    .where(SEEN.c.track_id == event.c.track_id, seen_at(event.c.stamp))
     .scalar_subquery()
 )
 _POSITION = (

@@ -16,7 +16,7 @@ from sqlalchemy import Connection, text
 from semap.store.database import translated
 from semap.store.live import UNKNOWN, ShownDoor, ShownTrack
 from semap.store.maps import map_id_of
-from semap.store.track_history import STATES
+from semap.store.track_history import STATES, within
 
 MOST_TRAIL_POINTS = 200
 
@@ -29,13 +29,13 @@ SEEN = f"""
     select s.track_id, t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.heading_rad, s.speed_mps,
            s.length_m, s.width_m, s.std_m, s.is_last or coalesce(t.ended_at <= :at, false) as ended
     from {STATES} s join semap.track t using (track_id)
-    where t.map_id = :map_id and s.stamp <= :at
+    where t.map_id = :map_id and {within(':since', ':at')}
 """  # noqa: S608  (a constant)
 RECENT = text(f"""
     with numbered as materialized (
       select *, count(*) over one_track - row_number() over (one_track order by stamp) as back,
              count(*) filter (where stamp >= :trail_since) over one_track as points
-      from ({SEEN} and s.stamp >= :since) seen
+      from ({SEEN}) seen
       window one_track as (partition by track_id)
     ), trail as ( -- in the order of the window: to sort once more would take as long as all else
       select track_id, '[' || string_agg(

@@ -319,10 +319,34 @@ track_state = Table(
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
 )
 
+track_state_packed = Table(
+    "track_state_packed",
+    METADATA,
+    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
+    Column("from_stamp", STAMP, primary_key=True),
+    Column("to_stamp", STAMP, nullable=False),
+    Column("states", Integer, nullable=False),
+    Column("span_us", Integer, nullable=False),
+    *(Column(name, ARRAY(SmallInteger), nullable=False) for name in ("off_high", "off_low")),
+    *(
+        Column(f"{axis}_{part}", ARRAY(type_), nullable=False)
+        for axis in ("x", "y")
+        for part, type_ in (("high", SmallInteger), ("middle", SmallInteger), ("low", Integer))
+    ),
+    Column("z_m", ARRAY(Double)),
+    Column("std_m", ARRAY(REAL)),
+    Column("is_last", ARRAY(Boolean)),
+    *(Column(name, ARRAY(REAL)) for name in ("heading_rad", "speed_mps", "length_m", "width_m")),
+)
+
 track_now = Table(
     "track_now",
     METADATA,
-    _ref("track_id", "track.track_id", primary_key=True),
+    Column(
+        "track_id",
+        ForeignKey("semap.track.track_id", deferrable=True, initially="DEFERRED"),
+        primary_key=True,
+    ),
     Column("source_id", Integer, nullable=False),
     Column("map_id", Integer, nullable=False),
     *_doubles("cell_m"),
@@ -656,6 +680,15 @@ event_evidence = Table(
     _text("variable"),
     _text("source"),
     Column("stamp", STAMP, nullable=False),
+)
+
+retention = Table(
+    "retention",
+    METADATA,
+    Column("kind", Text, primary_key=True),
+    Column("pack_after", INTERVAL),
+    Column("drop_after", INTERVAL),
+    Column("gone_before", STAMP),
 )
 
 recompute_run = Table(

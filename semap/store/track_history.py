@@ -11,7 +11,25 @@ from sqlalchemy import Connection, text
 from semap.store.database import translated
 
 STATES = "semap.track_state_seen"
-"""What states of a stretch of time are read from: those that the caller may see."""
+"""What states of a stretch of time are read from: those that the caller may see, be they rows or packed."""
+
+ALL_STATES = "semap.stored_state"
+"""The same for those who may see all."""
+
+SLOT = "interval '30 min'"
+"""In so long a time lie all states that are packed in one row."""
+
+
+def within(first: str, last: str) -> str:
+    """The condition that a state `s` of STATES or ALL_STATES is from one stamp to another, both included.
+
+    first, last  SQL that is known before states are read: a parameter, or what a LATERAL subquery is given
+    """
+    return (
+        f"s.stamp >= {first} and s.stamp <= {last}"
+        f" and s.from_stamp > {first} - {SLOT} and s.from_stamp <= {last} and s.to_stamp >= {first}"
+    )
+
 
 STATE = "stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, is_last"
 HISTORY = text(f"select {STATE} from semap.states_of_track(:track_id, :from, :to, :after, :limit)")  # noqa: S608

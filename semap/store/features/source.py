@@ -44,7 +44,7 @@ from semap.store.tables import (
     track,
     track_now,
 )
-from semap.store.track_history import STATES
+from semap.store.seen_state import SEEN, seen_at
 
 Sql = ColumnElement[Any]
 GEOMETRY = "geometry"
@@ -235,16 +235,8 @@ _RELATIONS = Source(
     end=null(),
 )
 
-_PAST = table(
-    STATES.partition(".")[2],
-    column("track_id", BigInteger),
-    column("stamp", STAMP),
-    column("x_m", Double),
-    column("y_m", Double),
-    column("z_m", Double),
-    schema="semap",
-).alias("past")
-_SEEN_THERE = and_(_PAST.c.track_id == event.c.track_id, _PAST.c.stamp == event.c.stamp)
+_PAST = SEEN.alias("past")
+_SEEN_THERE = and_(_PAST.c.track_id == event.c.track_id, seen_at(event.c.stamp, _PAST))
 _AT_INSTANCE = (
     select(POSITION.c.geometry)
     .where(POSITION.c.instance_id == event.c.instance_id, POSITION.c.type == text("'Position2D'"))
