@@ -48,17 +48,17 @@ STATEMENTS = (
     """,
     """
     comment on table semap.track_state_packed is
-      'Up to 490 states of a track within half an hour, in the order of their stamps. A null array is one of nulls.'
+      'Up to 490 states of a track within half an hour, in the order of stamps. A null array is all null.'
     """,
     """
     comment on column semap.track_state_packed.off_high is
-      'How far each stamp is off the even pace of span_us in so many states [us], and 32768; its higher sixteen bits.'
+      'How far each stamp is off the even pace of span_us in so many states [us], and 32768: its higher half.'
     """,
     """
     comment on column semap.track_state_packed.x_high is
-      'The sixteen highest bits of x_m, which hardly change and are compressed well; x_middle and x_low have the rest.'
+      'The sixteen highest bits of x_m, which are like those before; x_middle and x_low have the rest.'
     """,
-    # What is read is a stretch of time: a row whose states may lie in it begins less than half an hour before.
+    # What is read is a stretch of time: a row that has states in it begins less than half an hour before.
     "create index track_state_packed_stamp on semap.track_state_packed (from_stamp, to_stamp)",
     # A server that was built without lz4 keeps what it has.
     """

@@ -29,7 +29,7 @@ SEEN = f"""
     select s.track_id, t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.heading_rad, s.speed_mps,
            s.length_m, s.width_m, s.std_m, s.is_last or coalesce(t.ended_at <= :at, false) as ended
     from {STATES} s join semap.track t using (track_id)
-    where t.map_id = :map_id and {within(':since', ':at')}
+    where t.map_id = :map_id and {within(":since", ":at")}
 """  # noqa: S608  (a constant)
 RECENT = text(f"""
     with numbered as materialized (

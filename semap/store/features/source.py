@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy import (
-    BigInteger,
     Boolean,
     ColumnElement,
     Double,
@@ -17,19 +16,18 @@ from sqlalchemy import (
     and_,
     case,
     cast,
-    column,
     false,
     func,
     literal_column,
     null,
     select,
-    table,
     text,
 )
 
 from semap.cql2 import Kind
 from semap.store.cql2_sql import Thing
 from semap.store.features.collection import Collection
+from semap.store.seen_state import SEEN, seen_at
 from semap.store.selection import FOOTPRINT, INSTANCE, POSITION, with_shapes
 from semap.store.tables import (
     STAMP,
@@ -44,7 +42,6 @@ from semap.store.tables import (
     track,
     track_now,
 )
-from semap.store.seen_state import SEEN, seen_at
 
 Sql = ColumnElement[Any]
 GEOMETRY = "geometry"

@@ -6,17 +6,23 @@ from typing import Annotated
 
 import typer
 
+from semap_service.cli import storage
 from semap_service.cli.output import print_json
 from semap_service.cli.session import DATABASE, AsJson, Dsn, own_database
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(no_args_is_help=True, help="Look after the database: migrate, check, start, stop.")
+    app = typer.Typer(
+        no_args_is_help=True, help="Look after the database: migrate, keep in shape, start, stop."
+    )
     app.command("migrate")(migrate)
     app.command("status")(status)
     app.command("start")(start)
     app.command("stop")(stop)
     app.command("resync")(resync)
+    app.command("size")(storage.size)
+    app.command("retention")(storage.retention)
+    app.command("maintain")(storage.maintain)
     return app
 
 

@@ -1,0 +1,60 @@
+"""The rule worker's process keeps the database in shape once an hour, beside its work.
+
+It does so in a thread and over a connection of its own, and waits for the server nearly all of the time, so
+that no event is later for it. Whatever goes wrong is logged, and tried again the next time.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event as Signal
+from threading import Thread
+
+from semap.errors import SemapError
+from semap.store.maintenance import Maintained, maintain
+
+log = logging.getLogger(__name__)
+
+FIRST_S = 10.0
+EACH_S = 3600.0
+PATIENCE_S = 5.0
+
+
+@contextmanager
+def housekeeping(dsn: str, first_s: float = FIRST_S, each_s: float = EACH_S) -> Iterator[None]:
+    """Maintenance as long as this lasts: some seconds after its beginning, and then each hour."""
+    stop = Signal()
+    thread = Thread(target=_keep, args=(dsn, stop, first_s, each_s), name="housekeeping", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        # a step under way is undone by the server when the process ends
+        thread.join(PATIENCE_S)
+
+
+def _keep(dsn: str, stop: Signal, first_s: float, each_s: float) -> None:
+    wait_s = first_s
+    while not stop.wait(wait_s):
+        wait_s = each_s
+        try:
+            _say(maintain(dsn, stop=stop))
+        except SemapError as error:
+            log.warning("Maintenance is left for the next time: %s", error)
+        except Exception:
+            log.exception("Maintenance failed.")
+
+
+def _say(done: Maintained) -> None:
+    if done.packed or done.dropped_days or done.dropped_rows:
+        log.info(
+            "Maintenance packed %d states, and dropped %d partitions and %d rows.",
+            sum(done.packed.values()),
+            sum(len(days) for days in done.dropped_days.values()),
+            sum(done.dropped_rows.values()),
+        )
+    if done.put_off:
+        log.info("Left for the next time, since it was in use: %s.", ", ".join(done.put_off[:5]))

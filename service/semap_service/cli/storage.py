@@ -1,0 +1,257 @@
+"""semap db size, retention and maintain"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import timedelta
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from semap_service.cli.output import counted, print_json, print_rows
+from semap_service.cli.session import AsJson, Dsn, database
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from semap.store.disk_use import DayOfStates, DiskUse
+    from semap.store.maintenance import Maintained
+    from semap.store.retention import Retention
+
+SHOWN_DAYS = 14
+NEVER = "never"
+
+
+def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
+    """Show where bytes go, how fast the database grows, and what becomes of old states.
+
+    Rows are about as many, as PostgreSQL estimates them; a day of states is one of event time, in UTC.
+    """
+    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.disk_use import read_disk_use  # noqa: PLC0415
+
+    with database(dsn) as opened, connect(opened, "semap_read") as connection:
+        use = read_disk_use(connection)
+    if as_json:
+        print_json(_size_json(use))
+        return
+    print_rows(
+        [
+            {
+                "what": part.name,
+                "rows": part.rows,
+                "table": _bytes(part.table_bytes),
+                "indexes": _bytes(part.index_bytes),
+                "in all": _bytes(part.bytes),
+            }
+            for part in (*use.parts,)
+        ]
+        + [{"what": "in all", "rows": None, "table": "", "indexes": "", "in all": _bytes(use.total_bytes)}],
+        False,
+        "",
+    )
+    typer.echo("")
+    print_rows(_day_rows(use.days), False, "No states are kept.")
+    typer.echo("")
+    typer.echo(
+        f"A day brings about {_bytes(use.growth_bytes)} and {counted(use.growth_states, 'state')}"
+        " (mean of the last 7 days)."
+    )
+    typer.echo("\n".join(f"Next: {said}." for said in use.due()) or "No states will be packed or dropped.")
+
+
+def retention(
+    pack_states_after: Annotated[
+        str | None,
+        typer.Option(metavar="AGE", help="Pack the states of days of this age, such as 7d, or never."),
+    ] = None,
+    drop_states_after: Annotated[
+        str | None, typer.Option(metavar="AGE", help="Drop the states of days of this age.")
+    ] = None,
+    drop_lines_after: Annotated[
+        str | None, typer.Option(metavar="AGE", help="Drop the lines that sources saw.")
+    ] = None,
+    drop_changes_after: Annotated[
+        str | None, typer.Option(metavar="AGE", help="Drop what began and ended: who was where when.")
+    ] = None,
+    drop_events_after: Annotated[
+        str | None, typer.Option(metavar="AGE", help="Drop events, with their evidence and verdicts.")
+    ] = None,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Show, or change, how long what is kept; an age is a number and a unit such as 7d, or never.
+
+    Age is by event time: a recording of last year that comes in today is as old as last year. The rule worker
+    does what is due once an hour, `semap db maintain` at once. Without an age nothing is dropped.
+    """
+    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.retention import change_retention, read_retention  # noqa: PLC0415
+
+    ages = {
+        ("states", "pack_after"): pack_states_after,
+        ("states", "drop_after"): drop_states_after,
+        ("lines", "drop_after"): drop_lines_after,
+        ("changes", "drop_after"): drop_changes_after,
+        ("events", "drop_after"): drop_events_after,
+    }
+    said: Any = {key: _age(text, key) for key, text in ages.items() if text is not None}
+    with database(dsn) as opened, connect(opened, "semap_admin") as connection:
+        kept = change_retention(connection, said) if said else read_retention(connection)
+    rows = [_retention_row(each) for each in kept.values()]
+    if as_json:
+        print_json([_retention_json(each) for each in kept.values()])
+        return
+    print_rows(rows, False, "")
+
+
+def maintain(
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")] = False,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Make partitions ahead, and pack and drop what is old by `semap db retention`, now.
+
+    The rule worker does the same once an hour. It may be ended at any moment; what is in use is left for the
+    next time.
+    """
+    from semap.store.maintenance import maintain as do_all  # noqa: PLC0415
+
+    with database(dsn) as opened:
+        done = do_all(opened, lambda text: typer.echo(f"{text} ...", err=True), dry_run=dry_run)
+    if as_json:
+        print_json(_maintained_json(done))
+        return
+    for line in _told(done, dry_run=dry_run):
+        typer.echo(line)
+
+
+def _told(done: Maintained, *, dry_run: bool) -> list[str]:
+    """What was done, a line each."""
+    if done.is_busy:
+        return ["Another process is at it; nothing was done."]
+    would = "would be " if dry_run else ""
+    lines = [f"{counted(len(done.made_days), 'day')} ahead {would}made."] if done.made_days else []
+    lines += [f"The key of {day} {would}added." for day in done.keyed_days]
+    lines += [f"{counted(states, 'state')} of {day} {would}packed." for day, states in done.packed.items()]
+    for table, days in done.dropped_days.items():
+        what = "states" if table == "track_state" else "lines"
+        lines += [f"The partition of {what} of {day} {would}dropped." for day in days]
+    for kind, rows in done.dropped_rows.items():
+        what = "packed rows of states and late ones" if kind == "states" else f"rows of {kind}"
+        lines.append(f"{rows} {what} {would}dropped.")
+    lines += [f"In use, and left for the next time: {what}." for what in done.put_off]
+    return lines or ["Nothing is due."]
+
+
+def _maintained_json(done: Maintained) -> dict[str, Any]:
+    return {
+        **asdict(done),
+        "made_days": [str(day) for day in done.made_days],
+        "keyed_days": [str(day) for day in done.keyed_days],
+        "packed": {str(day): states for day, states in done.packed.items()},
+        "dropped_days": {table: [str(day) for day in days] for table, days in done.dropped_days.items()},
+    }
+
+
+def _age(text: str, key: Sequence[str]) -> timedelta | None:
+    """None for never.
+
+    raises  InvalidInput for anything else that is no age
+    """
+    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap.rules.language.duration import read_duration  # noqa: PLC0415
+
+    option = f"--{key[1].removesuffix('_after')}-{key[0]}-after"
+    if text.strip() == NEVER:
+        return None
+    if text.strip().replace(".", "").isdigit():
+        raise InvalidInput(f"{text} has no unit", "Write 7d, 12h, or never.", option)
+    return timedelta(microseconds=read_duration(text, option))
+
+
+def _retention_row(kept: Retention) -> dict[str, Any]:
+    from semap.store.retention import WORDS  # noqa: PLC0415
+
+    return {
+        "what": WORDS[kept.kind],
+        "packed after": _age_text(kept.pack_after) if kept.kind == "states" else None,
+        "dropped after": _age_text(kept.drop_after),
+        "dropped up to": "" if kept.gone_before is None else f"{kept.gone_before:%Y-%m-%d}",
+    }
+
+
+def _retention_json(kept: Retention) -> dict[str, Any]:
+    return {
+        "kind": kept.kind,
+        "pack_after_s": None if kept.pack_after is None else kept.pack_after.total_seconds(),
+        "drop_after_s": None if kept.drop_after is None else kept.drop_after.total_seconds(),
+        "gone_before": kept.gone_before,
+    }
+
+
+def _age_text(age: timedelta | None) -> str:
+    from semap.rules.language.duration import write_duration  # noqa: PLC0415
+
+    return NEVER if age is None else write_duration(age // timedelta(microseconds=1))
+
+
+def _day_rows(days: Sequence[DayOfStates]) -> list[Mapping[str, Any]]:
+    """The last days one by one, and those before together, by form."""
+    recent = set(sorted({each.day for each in days if each.day})[-SHOWN_DAYS:])
+    rows: list[Mapping[str, Any]] = []
+    before = [each for each in days if each.day and each.day not in recent]
+    for is_packed in (False, True):
+        if of_form := [each for each in before if each.is_packed is is_packed]:
+            rows.append(
+                _day_row(
+                    f"{counted(len(of_form), 'day')} before",
+                    is_packed,
+                    sum(each.states for each in of_form),
+                    sum(each.table_bytes for each in of_form),
+                    sum(each.index_bytes for each in of_form),
+                )
+            )
+    shown = [each for each in days if each.day is None or each.day in recent]
+    rows += [
+        _day_row(
+            str(each.day or "no partition"), each.is_packed, each.states, each.table_bytes, each.index_bytes
+        )
+        for each in shown
+    ]
+    return rows
+
+
+def _day_row(day: str, is_packed: bool, states: int, table: int, index: int) -> Mapping[str, Any]:
+    return {
+        "states of": day,
+        "as": "packed" if is_packed else "rows",
+        "states": states,
+        "table": _bytes(table),
+        "indexes": _bytes(index),
+        "bytes a state": round((table + index) / states) if states else None,
+    }
+
+
+def _size_json(use: DiskUse) -> dict[str, Any]:
+    return {
+        "at": use.at,
+        "total_bytes": use.total_bytes,
+        "parts": [{**asdict(part), "bytes": part.bytes} for part in use.parts],
+        "days": [
+            {**asdict(each), "day": each.day and str(each.day), "bytes": each.bytes} for each in use.days
+        ],
+        "growth_bytes_a_day": use.growth_bytes,
+        "growth_states_a_day": use.growth_states,
+        "due": list(use.due()),
+    }
+
+
+def _bytes(count: int) -> str:
+    """1.5 MB, to three figures."""
+    value, unit = float(count), "B"
+    for larger in ("kB", "MB", "GB", "TB"):
+        if value < 1000:
+            break
+        value, unit = value / 1000, larger
+    return f"{value:.0f} {unit}" if unit == "B" or value >= 100 else f"{value:.1f} {unit}"
