@@ -32,7 +32,7 @@ language sql stable parallel safe rows 490 as $$
   select (p_packed).track_id,
          (p_packed).from_stamp + interval '1 us' * (
            (s.place - 1) * (p_packed).span_us / greatest((p_packed).states - 1, 1)
-           + (s.off_high::integer << 16 | s.off_low::integer & 65535) - 32768),
+           + ((s.off_high::integer << 16) | (s.off_low::integer & 65535)) - 32768),
          semap.number_of(s.x_high, s.x_middle, s.x_low), semap.number_of(s.y_high, s.y_middle, s.y_low),
          s.z_m, s.std_m, coalesce(s.is_last, false), s.heading_rad, s.speed_mps, s.length_m, s.width_m
   from unnest((p_packed).off_high, (p_packed).off_low, (p_packed).x_high, (p_packed).x_middle, (p_packed).x_low,

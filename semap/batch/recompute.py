@@ -33,6 +33,7 @@ from semap.rules.engine.sources import NEVER_US
 from semap.rules.lookback import lookback_us
 from semap.rules.row import Row
 from semap.store.database import connect, translated
+from semap.store.retention import require_states
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import Span, history_rows
@@ -87,8 +88,8 @@ def recompute(
     """Run the batch layer over a span; a dry run writes nothing.
 
     advance  is told what is being done
-    raises   NotFound if there is no such map or rule; InvalidInput if the span is empty, or not all of its
-             states are there yet
+    raises   NotFound if there is no such map or rule; InvalidInput if the span is empty, not all of its
+             states are there yet, or some of them were dropped
     """
     started_at = datetime.now(UTC)
     with connect(dsn, ROLE, application="semap recompute") as connection, translated():
@@ -189,6 +190,7 @@ def _found(
     first = plan.start - before
     last = min(plan.end + after, complete_to)
     margin = timedelta(seconds=WARM_UP_S)
+    require_states(connection, map_id, plan.start, before + margin)
     facts = load_map_facts(connection, datetime.now(UTC))
     advance("reading states")
     states = read_states(connection, map_id, first - margin, last + margin)

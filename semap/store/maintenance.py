@@ -56,7 +56,8 @@ EMPTY = {
 }
 NEXT_SLOT = """
     select date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state
-    where stamp >= %s and stamp < semap.rows_since() order by stamp limit 1
+    where stamp >= greatest(%s, semap.kept_since('states')) and stamp < semap.rows_since()
+    order by stamp limit 1
 """
 DROP_DAY = "select semap.drop_day(%s, %s)"
 KEY_DAY = "select semap.key_day(%s)"
@@ -78,7 +79,7 @@ OLD_ROWS = """
 """
 TO_PACK = """
     select (stamp at time zone 'UTC')::date, count(*) from semap.track_state
-    where stamp < semap.rows_since() and stamp >= coalesce(semap.kept_since('states'), '-infinity')
+    where stamp >= coalesce(semap.kept_since('states'), '-infinity') and stamp < semap.rows_since()
     group by 1 order by 1
 """
 HALF_HOUR = timedelta(minutes=30)

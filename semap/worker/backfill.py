@@ -18,6 +18,7 @@ from semap.rules.engine.needs import needs_of, properties_read
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
+from semap.store.retention import require_kept
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
@@ -55,6 +56,7 @@ def begin_rule(
         progress.seams[rule.rule_id] = seam
     if span is None or span.from_us is None:
         return []
+    _say_what_is_gone(connection, rule, span)
     names = frozenset(each.name for each in engine.rules.values() if each.map_id == rule.map_id)
     rows = history_rows(connection, rule, names, span, progress.facts)
     rows += unwritten_rows(rule, names, span, made, progress.facts)
@@ -63,6 +65,16 @@ def begin_rule(
     )
     from_stamp = to_datetime(span.from_us)
     return [event for event in begun if event.stamp >= from_stamp]
+
+
+def _say_what_is_gone(connection: psycopg.Connection, rule: Rule, span: Span) -> None:
+    """A rule begins all the same, with what is left of its past."""
+    if span.from_us is None or span.from_us >= FOR_EVER_US:
+        return
+    try:
+        require_kept(connection, "changes", to_datetime(span.from_us))
+    except InvalidInput as error:
+        log.warning("Rule %s runs over what is left of the past: %s.", rule.name, error)
 
 
 def enriched_for(connection: psycopg.Connection, rule: Rule, rows: Sequence[Row]) -> Iterator[Row]:

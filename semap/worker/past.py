@@ -12,11 +12,13 @@ from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
 from semap.rules.confidence import learn
 from semap.rules.declaration import Declaration
+from semap.rules.engine.needs import needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.language.reading import parse_declaration
 from semap.rules.row import Row
 from semap.store.database import translated
+from semap.store.retention import require_kept, require_states
 from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import Span, history_rows
@@ -48,6 +50,13 @@ class PastOfMap:
         queries = {name: query_id for name, query_id in self.queries.items() if name in read}
         others = self.rule_names - {declaration.name}
         return Rule(0, self.map_id, 1, True, declaration, queries).among(others)
+
+    def require_kept(self, rule: Rule, since: datetime) -> None:
+        """raises InvalidInput where some of what a rule reads from then on was dropped"""
+        require_kept(self.connection, "changes", since)
+        needs = needs_of(rule.declaration)
+        if needs.actor_within_m or needs.position:
+            require_states(self.connection, self.map_id, since)
 
     def rows(self, rule: Rule, span: Span) -> list[Row]:
         """The rows that a rule reads, with what it needs of them."""
@@ -81,7 +90,7 @@ def dry_run(
 
     watch   is told again and again how many events there are, and ends the run by raising
     raises  NotFound if there is no such map, TooLarge if there are more than `most_rows` in a table,
-            InvalidInput if it ends before it begins
+            InvalidInput if it ends before it begins, or reads what was dropped since `start`
     """
     if start is not None and end is not None and end <= start:
         raise InvalidInput("it ends before it begins", "Give the earlier stamp first.", "to")
@@ -89,6 +98,8 @@ def dry_run(
     from_us = None if start is None else to_us(start)
     end_us = None if end is None else to_us(end) - 1
     rule = past.rule(declaration)
+    if start is not None:
+        past.require_kept(rule, start)
     rows = past.rows(rule, Span(from_us, end_us, with_held=looks_back(declaration), most_rows=most_rows))
     known_us = [row.stamp_us for row in rows[-1:]] + ([] if past.heard_us is None else [past.heard_us])
     until_us = max(known_us, default=0) if end_us is None else end_us

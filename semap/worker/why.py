@@ -32,14 +32,16 @@ def explain(
     """What a rule found of a key around a moment, or how far it came.
 
     key     for each property of `partition_by` its value, by names: {"room": "Room07"}
-    raises  NotFound if there is no such map, InvalidInput if the key is not that of the rule,
-            TooLarge if there are more than `most_rows` in a table
+    raises  NotFound if there is no such map, InvalidInput if the key is not that of the rule, or what it
+            reads was dropped, TooLarge if there are more than `most_rows` in a table
     """
     past = past_of_map(connection, map_name)
+    rule = past.rule(declaration)
+    past.require_kept(rule, at)
     window_us = lookback_us([declaration])
     reach_us = UNBOUND_US if isinf(window_us) else int(window_us) + NEAR_US
     at_us = to_us(at)
     # a match around the moment begins one window before it, and the one that it could not overlap before that
     held = looks_back(declaration)
     span = Span(at_us - 2 * reach_us, at_us + reach_us, with_held=held, most_rows=most_rows)
-    return explain_rows(declaration, past.rows(past.rule(declaration), span), at_us, key)
+    return explain_rows(declaration, past.rows(rule, span), at_us, key)

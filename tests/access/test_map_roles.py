@@ -13,11 +13,12 @@ from semap.store.database import connect
 from semap.store.schema import schema_folder
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
-SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress"}
+SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
+          "retention"}  # fmt: skip
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
     "job", "line_observation", "track_state", "region_cell", "region_edge", "rule_state", "pending_row",
-    "region_wanted",
+    "region_wanted", "track_state_packed", "stored_state",
 }  # fmt: skip
 
 
@@ -181,6 +182,29 @@ def test_states_are_told_to_whom_their_map_is_open(
     with entered(building.service.dsn, "semap_read_map", told) as connection:
         found = connection.execute(f"select * from {STATES[function]}", building.ids).fetchall()
     assert bool(found) is is_there
+
+
+def test_packed_states_are_told_to_whom_their_map_is_open(
+    building: Building, owner: psycopg.Connection
+) -> None:
+    """The same functions and the view, over states that are packed."""
+    annex, office = map_of(owner, "annex"), map_of(owner, "office")
+    with owner.transaction(force_rollback=True):
+        owner.execute("update semap.retention set pack_after = '1 d' where kind = 'states'")
+        slots = "select distinct date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state order by 1"
+        for (slot,) in owner.execute(slots).fetchall():
+            owner.execute("select semap.pack_states(%s)", [slot])
+        assert rows(owner, "track_state") == 0
+        seen = {}
+        for maps in (annex, office):
+            owner.execute("set local role semap_read_map")
+            owner.execute("select set_config('semap.maps', %s, true)", [f"{{{maps}}}"])
+            told = {name: bool(owner.execute(f"select * from {each}", building.ids | {"map": office}).fetchall())
+                    for name, each in STATES.items()}  # fmt: skip
+            seen[maps] = (rows(owner, "track_state_seen"), told)
+            owner.execute("reset role")
+        assert seen[annex] == (6, dict.fromkeys(STATES, False))
+        assert seen[office] == (rows(owner, "stored_state") - 6, dict.fromkeys(STATES, True))
 
 
 def test_no_view_shows_what_its_reader_may_not_see(owner: psycopg.Connection) -> None:

@@ -1,0 +1,354 @@
+"""Maintenance does what the settings say and nothing else, beside writers, and however often it is cut off."""
+
+from __future__ import annotations
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+from datetime import date, timedelta
+from threading import Event as Signal
+from unittest.mock import patch
+
+import psycopg
+import pytest
+import shapely
+from past_days import bits, make_partitions, midnight, retain, stored, write
+from rule_work import await_progress, running_worker
+from world import SECOND_US, World
+
+from semap.batch.recompute import Plan, recompute
+from semap.errors import InvalidInput
+from semap.rules.language.reading import parse_declaration
+from semap.store import maintenance
+from semap.store.database import connect
+from semap.store.maintenance import Maintained, maintain
+from semap.store.retention import change_retention, read_retention
+from semap.timeline.stamp import to_us
+from semap.worker.past import dry_run
+from semap.worker.why import explain
+
+VISITS = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
+PARTITIONS = "select of_table, day from semap.day_partitions() order by 1, 2"
+
+
+def days(world: World, table: str = "track_state") -> list[date]:
+    return [day for of_table, day in world.rows(PARTITIONS) if of_table == table]
+
+
+def day(days_ago: int) -> date:
+    return midnight(days_ago).date()
+
+
+def some_states(days_ago: int, count: int = 50, track_id: int = 1) -> list[tuple]:
+    """Each hour of a day two of a track, and so on."""
+    return [
+        (track_id, midnight(days_ago) + timedelta(minutes=27 * n, microseconds=n), 0.1 * n, n / 3, None, 0.2, False,
+         None, 1.5, None, None)
+        for n in range(count)
+    ]  # fmt: skip
+
+
+def add_lines(world: World, *days_ago: int) -> None:
+    world.run("set session_replication_role = replica")
+    for each in days_ago:
+        world.run(
+            "insert into semap.line_observation values (%s, %s, 0, 0, 1, 1, null, 0.1, 0.1, 5)",
+            world.source_id, midnight(each) + timedelta(hours=5),
+        )  # fmt: skip
+    world.run("set session_replication_role = origin")
+
+
+def test_partitions_are_made_ahead_and_nothing_else_is_done(world: World) -> None:
+    make_partitions(world.connection, 40)
+    write(world.connection, rows := some_states(40))
+    add_lines(world, 40)
+    done = maintain(world.dsn)
+    ahead = [day(-n) for n in range(4)]
+    assert done == Maintained(made_days=ahead)
+    assert days(world) == days(world, "line_observation") == [day(40), *ahead]
+    assert stored(world.connection, "track_state") == [bits(row) for row in rows]
+    assert world.one("select count(*) from semap.line_observation") == 1
+    assert maintain(world.dsn) == Maintained()
+
+
+def test_each_kind_goes_at_its_own_age(world: World) -> None:
+    make_partitions(world.connection, 1, 2, 5, 8, 9, 30)
+    kept = {ago: some_states(ago) for ago in (1, 2, 5, 8, 9, 30)}
+    outside = some_states(60, 7)
+    write(world.connection, [row for rows in kept.values() for row in rows] + outside)
+    add_lines(world, 1, 2, 9, 60)
+    retain(world.connection, "states", pack="2 d", drop="9 d")
+    retain(world.connection, "lines", drop="1 d")
+
+    planned = maintain(world.dsn, dry_run=True)
+    assert world.one("select count(*) from semap.track_state") == 6 * 50 + 7
+    assert (planned.packed, planned.dropped_rows) == (
+        {day(n): 50 for n in (9, 8, 5)},
+        {"states": 7, "lines": 1},
+    )
+    done = maintain(world.dsn)
+    assert done.packed == planned.packed
+    assert done.dropped_days["track_state"] == [day(30), day(9), day(8), day(5)]
+    assert done.dropped_days["line_observation"] == [day(n) for n in (30, 9, 8, 5, 2)]
+    assert done.dropped_rows == planned.dropped_rows
+    assert stored(world.connection) == [bits(row) for ago in (9, 8, 5, 2, 1) for row in kept[ago]]
+    assert stored(world.connection, "track_state") == [bits(row) for ago in (2, 1) for row in kept[ago]]
+    assert world.one("select count(*) from semap.line_observation") == 1
+    gone = {kind: each.gone_before for kind, each in read_retention(world.connection).items()}
+    assert gone == {"states": midnight(9), "lines": midnight(1), "changes": None, "events": None}
+    assert maintain(world.dsn) == Maintained()
+
+    retain(world.connection, "states", drop="3 d")
+    half_hours = {each[1].replace(minute=each[1].minute // 30 * 30, microsecond=0) for each in kept[9]}
+    assert maintain(world.dsn).dropped_rows == {"states": 3 * len(half_hours)}
+    assert stored(world.connection) == [bits(row) for ago in (2, 1) for row in kept[ago]]
+
+
+def test_an_empty_day_of_the_past_goes_but_not_one_that_was_just_made(world: World) -> None:
+    make_partitions(world.connection, 7)
+    world.run("select semap.ensure_partitions(%s::date[])", [day(8)])
+    done = maintain(world.dsn)
+    assert done.dropped_days == {"track_state": [day(7)], "line_observation": [day(7)]}
+    assert days(world)[0] == day(8)
+
+
+def test_what_comes_late_is_packed_the_next_time(world: World) -> None:
+    rows = some_states(5)
+    make_partitions(world.connection, 5)
+    retain(world.connection, "states", pack="1 d")
+    write(world.connection, rows[::2])
+    maintain(world.dsn)
+    assert day(5) not in days(world)
+    write(world.connection, rows[1::2])
+    assert stored(world.connection) == [bits(row) for row in rows]
+    assert world.one("select count(*) from semap.track_state_default") == 25
+    done = maintain(world.dsn)
+    assert done.packed == {day(5): 25}
+    assert world.one("select count(*) from semap.track_state") == 0
+    assert stored(world.connection) == [bits(row) for row in rows]
+
+
+class Cut(Exception):
+    """As if the process had died here."""
+
+
+def test_cut_off_anywhere_nothing_is_lost_or_doubled(world: World) -> None:
+    """After each step, committed or not: whoever reads is told the same, and the next run ends it."""
+    kept, old = some_states(4, 20) + some_states(3, 20), some_states(20, 20)
+    asked, steps, whole = maintenance._Maintenance._patiently, 0, None
+    for cut_at in range(200):
+        world.run("truncate semap.track_state, semap.track_state_packed")
+        world.run("update semap.retention set gone_before = null")
+        make_partitions(world.connection, 3, 4, 20)
+        retain(world.connection, "states", pack="1 d", drop="10 d")
+        write(world.connection, [*kept, *old])
+        steps = 0
+
+        def cut(self, what, statement, parameters, cut_at=cut_at):
+            nonlocal steps
+            steps += 1
+            if steps > cut_at:
+                raise Cut
+            if steps == cut_at:  # the server dies before it commits
+                with self._connection.transaction(force_rollback=True):
+                    self._connection.execute(statement, parameters)
+                raise Cut
+            return asked(self, what, statement, parameters)
+
+        with patch.object(maintenance._Maintenance, "_patiently", cut):
+            try:
+                whole = maintain(world.dsn)
+            except Cut:
+                whole = None
+        assert {row[:2] for row in stored(world.connection)} >= {row[:2] for row in kept}
+        there = stored(world.connection)
+        assert len(there) == len(set(there))
+        gone = read_retention(world.connection)["states"].gone_before
+        assert (len(there) == len(kept)) == (gone == midnight(10) or gone == midnight(19))
+        maintain(world.dsn)
+        assert stored(world.connection) == [bits(row) for row in kept]
+        assert world.one("select count(*) from semap.track_state") == 0
+        assert days(world) == [day(-n) for n in range(4)]
+        if whole is not None:
+            break
+    assert cut_at > 30
+
+
+def test_two_at_once_one_passes(world: World) -> None:
+    with connect(world.dsn) as other:
+        other.execute("select pg_advisory_lock(%s, 0)", [maintenance.MAINTENANCE_LOCK])
+        assert maintain(world.dsn) == Maintained(is_busy=True)
+        assert maintain(world.dsn, dry_run=True).made_days
+    assert not maintain(world.dsn).is_busy
+
+
+def test_a_table_in_use_holds_up_a_drop_and_that_nobody(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(maintenance, "PAUSE_S", 0.02)
+    make_partitions(world.connection, 9)
+    write(world.connection, some_states(9))
+    retain(world.connection, "states", drop="3 d")
+    track = world.add_track("t")
+    maintain(world.dsn, stop=_after_days_ahead())
+    with connect(world.dsn) as holder, ThreadPoolExecutor() as pool:
+        holder.execute("begin")
+        holder.execute("select count(*) from semap.track_state")
+        with monkeypatch.context() as hurried:
+            hurried.setattr(maintenance, "ATTEMPTS", 2)
+            assert re.match(f"states of tracks of {day(9)}", maintain(world.dsn).put_off[0])
+        maintaining = pool.submit(maintain, world.dsn)
+        world.run("set statement_timeout = '2s'")
+        for n in range(30):
+            world.add_states([(track, to_us(midnight(0)) + n * SECOND_US, 1, 1, None)])
+        assert not maintaining.done()
+        holder.execute("commit")
+        assert maintaining.result(timeout=30).dropped_days == {"track_state": [day(9)]}
+    assert world.one("select count(*) from semap.stored_state") == 30
+
+
+def _after_days_ahead() -> Signal:
+    """Ends maintenance after its first step."""
+
+    class AfterOne(Signal):
+        def is_set(self) -> bool:
+            asked, self._flag = self._flag, True
+            return asked
+
+    return AfterOne()
+
+
+def test_a_writer_of_the_very_day_is_not_lost(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It holds a state that is not committed yet; the empty partition stays until it has, and then for good."""
+    monkeypatch.setattr(maintenance, "ATTEMPTS", 2)
+    monkeypatch.setattr(maintenance, "PAUSE_S", 0.02)
+    make_partitions(world.connection, 5)
+    with connect(world.dsn) as writer:
+        track = world.add_track("t")
+        writer.execute("begin")
+        writer.execute("insert into semap.track_state values (%s, %s, 1, 1)", [track, midnight(5)])
+        assert maintain(world.dsn).put_off == [f"states of tracks of {day(5)}"]
+        writer.execute("commit")
+    assert "track_state" not in maintain(world.dsn).dropped_days
+    assert world.one("select count(*) from semap.track_state") == 1
+
+
+def test_a_day_without_a_key_gets_it(world: World) -> None:
+    make_partitions(world.connection, 5)
+    write(world.connection, some_states(5))
+    assert world.one("select semap.key_day(%s)", day(5)) is False
+    world.run("alter table semap.track_state drop constraint track_state_pkey")
+    assert maintain(world.dsn, dry_run=True).keyed_days == [day(5)]
+    assert maintain(world.dsn).keyed_days == [day(5)]
+    keys = world.rows(
+        "select indrelid::regclass::text from pg_index where indisprimary and indrelid in"
+        " (select partition from semap.day_partitions())"
+    )
+    assert keys == [(f"semap.track_state_{day(5):%Y%m%d}",)]
+    assert maintain(world.dsn).keyed_days == []
+
+
+def test_changes_and_events_go_only_where_somebody_says_so(world: World) -> None:
+    world.add_room("den", shapely.box(0, 0, 4, 4))
+    track = world.add_track("t")
+    make_partitions(world.connection, 30, 2)
+    begin = {ago: to_us(midnight(ago)) for ago in (30, 2)}
+    with running_worker(world.dsn):
+        for ago in (30, 2):
+            world.add_states(
+                [(track, begin[ago] + n * SECOND_US, x, 1, None) for n, x in enumerate((1, 9, 1, 9))]
+            )
+        world.run("update semap.source set watermark = %s", midnight(1))
+        await_progress(world.dsn)
+        assert world.one("select count(*) from semap.event") == 8
+        retain(world.connection, "changes", drop="10 d")
+        retain(world.connection, "events", drop="10 d")
+        assert maintain(world.dsn).dropped_rows == {"events": 4}  # the rules might want those changes again
+        world.run("update semap.relation_change set received_at = received_at - interval '2 h'")
+        assert maintain(world.dsn).dropped_rows == {"changes": 4}
+        await_progress(world.dsn)
+        world.add_states([(track, to_us(midnight(1)) + SECOND_US, 1, 1, None)])
+        world.run("update semap.source set watermark = %s", midnight(1) + timedelta(hours=1))
+        await_progress(world.dsn)
+    assert world.rows("select type, stamp >= %s from semap.event order by seq", midnight(10)) == [
+        ("entered", True), ("left", True), ("entered", True), ("left", True), ("entered", True),
+    ]  # fmt: skip
+    assert world.one("select count(*) from semap.event_evidence") == 5
+    assert [change[2:4] for change in world.changes()][-1] == ("began", "moved")
+
+
+def test_what_reads_what_is_gone_says_so(world: World, caplog: pytest.LogCaptureFixture) -> None:
+    world.add_room("den", shapely.box(0, 0, 4, 4))
+    track = world.add_track("t")
+    make_partitions(world.connection, 12, 2)
+    with running_worker(world.dsn):
+        for ago in (12, 2):
+            begin_us = to_us(midnight(ago)) + 12 * 3600 * SECOND_US
+            world.add_states(
+                [(track, begin_us + n * SECOND_US, x, 1, None) for n, x in enumerate((1, 9, 1, 9))]
+            )
+        world.run("update semap.source set watermark = %s", midnight(1))
+        await_progress(world.dsn)
+        world.run("update semap.relation_change set received_at = received_at - interval '2 h'")
+        retain(world.connection, "states", drop="5 d")
+        retain(world.connection, "changes", drop="5 d")
+        maintain(world.dsn)
+        told = f"before {day(5):%Y-%m-%d} were dropped"
+        visits = parse_declaration(VISITS, "visits")
+        with pytest.raises(InvalidInput, match=f"states of tracks before {day(11):%Y-%m-%d} were dropped"):
+            recompute(world.dsn, Plan(world.name, midnight(13), midnight(1)))
+        with pytest.raises(InvalidInput, match=f"changes of relations {told}"):
+            dry_run(world.connection, world.name, visits, midnight(13))
+        with pytest.raises(InvalidInput, match=told):
+            explain(world.connection, world.name, visits, midnight(12), {"track": "t", "room": "den"})
+        counts = recompute(world.dsn, Plan(world.name, midnight(3), midnight(1))).counts()
+        assert counts["confirmed"] + counts["amended"] == 4
+        assert len(dry_run(world.connection, world.name, visits, midnight(3))) == 4
+        assert len(dry_run(world.connection, world.name, visits)) == 4
+        world.run(
+            "insert into semap.rule (map_id, name, queries, declaration, backfill_from)"
+            " select map_id, 'again', queries, declaration, %s from semap.rule", midnight(20),
+        )  # fmt: skip
+        await_progress(world.dsn)
+    assert any(told in record.getMessage() and "again" in record.getMessage() for record in caplog.records)
+    assert world.one("select count(*) from semap.event where rule_name = 'again'") == 4
+
+
+@pytest.mark.parametrize(
+    ("ages", "said"),
+    [
+        ({("states", "pack_after"): timedelta(days=9), ("states", "drop_after"): timedelta(days=9)}, "before they are"),
+        ({("states", "drop_after"): timedelta(0)}, "to drop states"),
+        ({("events", "drop_after"): timedelta(days=-1)}, "to drop events"),
+        ({("lines", "pack_after"): timedelta(days=1)}, "cannot be packed"),
+        ({("states", "drop_after"): timedelta(days=99_999)}, "to drop states"),
+    ],
+)  # fmt: skip
+def test_an_age_that_cannot_be_is_refused(world: World, ages: dict, said: str) -> None:
+    before = read_retention(world.connection)
+    with pytest.raises(InvalidInput, match=said):
+        change_retention(world.connection, ages)
+    assert read_retention(world.connection) == before
+
+
+def test_ages_are_changed_one_by_one(world: World) -> None:
+    with connect(world.dsn, "semap_admin") as admin:
+        change_retention(admin, {("states", "pack_after"): timedelta(days=7)})
+        change_retention(admin, {("states", "drop_after"): timedelta(days=90)})
+        with pytest.raises(InvalidInput, match="before they are packed"):
+            change_retention(admin, {("states", "pack_after"): timedelta(days=90)})
+        change_retention(
+            admin, {("states", "pack_after"): timedelta(days=95), ("states", "drop_after"): None}
+        )
+        kept = read_retention(admin)["states"]
+    assert (kept.pack_after, kept.drop_after) == (timedelta(days=95), None)
+
+
+@pytest.mark.parametrize("role", ["semap_read", "semap_ingest", "semap_api", "semap_read_map"])
+def test_others_may_not_drop(world: World, role: str) -> None:
+    with connect(world.dsn, role) as connection:
+        for call in ("drop_day('track_state', current_date)", "pack_states(now())", "drop_rows('states', 1)",
+                     "key_day(current_date)"):  # fmt: skip
+            with pytest.raises(psycopg.errors.InsufficientPrivilege):
+                connection.execute(f"select semap.{call}")
+        with pytest.raises(psycopg.errors.InsufficientPrivilege):
+            connection.execute("update semap.retention set drop_after = '1 d'")
