@@ -20,6 +20,7 @@ from semap.store.database import connect, open_engine
 from semap.store.features.collection import get_collection
 from semap.store.features.page import Box, Cursor, SortKey, Wanted, read_page
 from semap.store.features.placing import CRS84, MAP_FRAME, placing_of
+from semap.store.maintenance import maintain
 from semap.store.maps import create_map
 
 TRACKS = 50
@@ -29,6 +30,10 @@ ROUNDS = 100
 START = datetime(2026, 1, 31, 22, tzinfo=UTC)
 
 DAYS = "select semap.ensure_partitions(array(select generate_series(%s::date, %s::date, '1 day')::date))"
+ROOM = """
+    select (select sum(pg_total_relation_size(relid)) from pg_partition_tree('semap.track_state') where isleaf),
+           pg_total_relation_size('semap.track_state_packed')
+"""
 LEAVE = (
     """
     insert into semap.source (map_id, name) select map_id, 'tracker' from semap.map where name = 'history'
@@ -70,8 +75,30 @@ def measure(dsn: str, hours: float = HOURS, things: int = operators.THINGS) -> l
     with engine.connect() as connection:
         questions = {**_looking_back(connection, dice, hours), **_pages(connection, dice)}
         rows += [{"question": name, **_timed(ask)} for name, ask in questions.items()]
+    rows.append(_packed(dsn))
+    with engine.connect() as connection:
+        packed = _looking_back(connection, dice, hours)
+        rows += [{"question": f"{name}, packed", **_timed(ask)} for name, ask in packed.items()]
     engine.dispose()
     return rows
+
+
+def _packed(dsn: str) -> dict[str, object]:
+    """Packs all states; bytes of a state before and after, and time of packing one."""
+    with connect(dsn) as connection:
+        connection.execute("update semap.retention set pack_after = '1 d' where kind = 'states'")
+        as_rows, _ = connection.execute(ROOM).fetchone() or (0, 0)
+        started_s = time.perf_counter()
+        states = sum(maintain(dsn).packed.values())
+        took_us = 1e6 * (time.perf_counter() - started_s)
+        connection.execute("vacuum analyze semap.track_state_packed")
+        _, packed = connection.execute(ROOM).fetchone() or (0, 0)
+    return {
+        "question": f"bytes of a state: {as_rows / states:.0f} as a row, {packed / states:.1f} packed in us:",
+        "median_ms": round(took_us / states, 1),
+        "p99_ms": "",
+        "rows": states,
+    }
 
 
 def leave(dsn: str, hours: float) -> int:

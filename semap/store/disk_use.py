@@ -45,7 +45,10 @@ GROWTH_DAYS = 7
 TABLES = """
     select coalesce(p.relname, c.relname)::text,
            to_date(substring(c.relname from '_([0-9]{8})$'), 'YYYYMMDD'),
-           coalesce(nullif(pg_stat_get_live_tuples(c.oid), 0), greatest(c.reltuples, 0))::bigint,
+           case when c.reltuples > 0 and c.relpages > 0
+                then c.reltuples / c.relpages * pg_relation_size(c.oid)
+                     / current_setting('block_size')::integer
+                else pg_stat_get_live_tuples(c.oid) end::bigint,
            pg_table_size(c.oid), pg_indexes_size(c.oid)
     from pg_class c
     left join pg_inherits i on i.inhrelid = c.oid

@@ -63,6 +63,12 @@ LATE_ROW = (
     " from semap.map"
 )
 
+OLD_DAY = (
+    "select semap.ensure_partitions(array[(now() at time zone 'UTC')::date - 7])",
+    "do $$ declare p record; begin for p in select partition from semap.day_partitions() loop"
+    " execute format('comment on table %s is null', p.partition); end loop; end $$",
+)
+
 BROKEN = [
     ("worker", [], Level.WRONG, "no rule worker runs", "semap work"),
     ("schema", ["update semap.behaviour set checksum = 'other'"], Level.WRONG, "not as semap leaves", "semap db migrate"),
@@ -82,6 +88,10 @@ BROKEN = [
     ("partitions", ["set session_replication_role = replica",
                     "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now(), 0, 0)"],
      Level.WARN, "default partition", "ensure_partitions"),
+    ("partitions", ["update semap.retention set pack_after = '3 d' where kind = 'states'",
+                    *OLD_DAY], Level.WARN, "should have been packed", "semap db maintain"),
+    ("partitions", ["update semap.retention set drop_after = '3 d' where kind = 'lines'",
+                    *OLD_DAY], Level.WARN, "or dropped by now", "semap work"),
     ("webhooks", [WEBHOOK.format("'disabled', 'it answered 410'")], Level.WRONG, "410", "semap webhook"),
     ("webhooks", [WEBHOOK.format("'active', ''"),
                   "insert into semap.webhook_dead_letter (webhook_id, seq, event_id, map, type, body, attempts, error)"
@@ -100,6 +110,21 @@ def patient(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
     with fresh_database(cluster, template) as dsn, connect(dsn) as connection:
         ensure_slot(connection)
         yield connection
+
+
+def test_late_states_of_packed_days_are_in_their_place(patient: psycopg.Connection) -> None:
+    """Those of days that are not packed yet are not."""
+    with patient.transaction(force_rollback=True):
+        patient.execute("set session_replication_role = replica")
+        patient.execute("update semap.retention set pack_after = '3 d' where kind = 'states'")
+        late = "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now() - interval '%s d', 0, 0)"
+        patient.execute(late % 9)
+        check = next(each for each in CONTENT_CHECKS if each.name == "partitions")
+        assert list(check.look(patient)) == []
+        patient.execute(late % 1)
+        assert [trouble.message for trouble in check.look(patient)] == [
+            "rows of track_state lie in its default partition, and are slower to find"
+        ]
 
 
 @pytest.mark.parametrize(("name", "breaking", "level", "message", "remedy"), BROKEN)

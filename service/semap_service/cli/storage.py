@@ -44,7 +44,7 @@ def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
                 "indexes": _bytes(part.index_bytes),
                 "in all": _bytes(part.bytes),
             }
-            for part in (*use.parts,)
+            for part in use.parts
         ]
         + [{"what": "in all", "rows": None, "table": "", "indexes": "", "in all": _bytes(use.total_bytes)}],
         False,
@@ -130,16 +130,16 @@ def _told(done: Maintained, *, dry_run: bool) -> list[str]:
     """What was done, a line each."""
     if done.is_busy:
         return ["Another process is at it; nothing was done."]
-    would = "would be " if dry_run else ""
-    lines = [f"{counted(len(done.made_days), 'day')} ahead {would}made."] if done.made_days else []
-    lines += [f"The key of {day} {would}added." for day in done.keyed_days]
-    lines += [f"{counted(states, 'state')} of {day} {would}packed." for day, states in done.packed.items()]
+    was, were = ("would be", "would be") if dry_run else ("was", "were")
+    lines = [f"{counted(len(done.made_days), 'day')} ahead {were} made."] if done.made_days else []
+    lines += [f"The key of {day} {was} added." for day in done.keyed_days]
+    lines += [f"{counted(states, 'state')} of {day} {were} packed." for day, states in done.packed.items()]
     for table, days in done.dropped_days.items():
         what = "states" if table == "track_state" else "lines"
-        lines += [f"The partition of {what} of {day} {would}dropped." for day in days]
+        lines += [f"The partition of {what} of {day} {was} dropped." for day in days]
     for kind, rows in done.dropped_rows.items():
         what = "packed rows of states and late ones" if kind == "states" else f"rows of {kind}"
-        lines.append(f"{rows} {what} {would}dropped.")
+        lines.append(f"{rows} {what} {were} dropped.")
     lines += [f"In use, and left for the next time: {what}." for what in done.put_off]
     return lines or ["Nothing is due."]
 
@@ -197,7 +197,8 @@ def _age_text(age: timedelta | None) -> str:
 
 
 def _day_rows(days: Sequence[DayOfStates]) -> list[Mapping[str, Any]]:
-    """The last days one by one, and those before together, by form."""
+    """The last days one by one, and those before together, by form; those without states are left out."""
+    days = [each for each in days if each.states]
     recent = set(sorted({each.day for each in days if each.day})[-SHOWN_DAYS:])
     rows: list[Mapping[str, Any]] = []
     before = [each for each in days if each.day and each.day not in recent]
