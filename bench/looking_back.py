@@ -31,7 +31,8 @@ START = datetime(2026, 1, 31, 22, tzinfo=UTC)
 
 DAYS = "select semap.ensure_partitions(array(select generate_series(%s::date, %s::date, '1 day')::date))"
 ROOM = """
-    select (select sum(pg_total_relation_size(relid)) from pg_partition_tree('semap.track_state') where isleaf),
+    select (select sum(pg_total_relation_size(relid))
+            from pg_partition_tree('semap.track_state') where isleaf),
            pg_total_relation_size('semap.track_state_packed')
 """
 LEAVE = (

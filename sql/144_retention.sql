@@ -75,7 +75,8 @@ end $$;
 comment on function semap.drop_day is
   'Drop the partition of a day that is past, where it has no rows or is not to be kept.';
 
--- Give the partition of a past day its key where it has none; says whether it did.
+-- Give the partition of a past day its key where it has none; says whether it did. Of states of a track at one stamp,
+-- which nobody could refuse without a key, the first stays.
 create or replace function semap.key_day(p_day date) returns boolean
 language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
 declare
@@ -84,10 +85,18 @@ begin
   select d.partition into v_partition from semap.day_partitions() d
   where d.of_table = 'track_state' and d.day = p_day and p_day < (clock_timestamp() at time zone 'UTC')::date
     and not exists (select from pg_index x where x.indrelid = d.partition and x.indisprimary);
-  if v_partition is not null then
-    execute format('alter table %s add primary key (stamp, track_id)', v_partition);
+  if v_partition is null then
+    return false;
   end if;
-  return v_partition is not null;
+  begin
+    execute format('alter table %s add primary key (stamp, track_id)', v_partition);
+  exception when unique_violation then
+    execute format('delete from %1$s s using (select stamp, track_id, min(ctid) as first from %1$s'
+                   '                         group by stamp, track_id having count(*) > 1) d'
+                   ' where s.stamp = d.stamp and s.track_id = d.track_id and s.ctid <> d.first', v_partition);
+    execute format('alter table %s add primary key (stamp, track_id)', v_partition);
+  end;
+  return true;
 end $$;
 comment on function semap.key_day is
   'Give the partition of a past day its key where it has none; says whether it did.';

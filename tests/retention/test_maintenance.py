@@ -237,6 +237,7 @@ def test_a_day_without_a_key_gets_it(world: World) -> None:
     write(world.connection, some_states(5))
     assert world.one("select semap.key_day(%s)", day(5)) is False
     world.run("alter table semap.track_state drop constraint track_state_pkey")
+    write(world.connection, [(*each[:2], 99.0, *each[3:]) for each in some_states(5)[::7]])
     assert maintain(world.dsn, dry_run=True).keyed_days == [day(5)]
     assert maintain(world.dsn).keyed_days == [day(5)]
     keys = world.rows(
@@ -245,6 +246,37 @@ def test_a_day_without_a_key_gets_it(world: World) -> None:
     )
     assert keys == [(f"semap.track_state_{day(5):%Y%m%d}",)]
     assert maintain(world.dsn).keyed_days == []
+    assert stored(world.connection) == [bits(row) for row in some_states(5)]
+
+
+def test_writers_of_late_states_go_on_while_their_day_is_packed(world: World) -> None:
+    make_partitions(world.connection, 3)
+    retain(world.connection, "states", pack="1 d")
+    tracks = [world.add_track(name) for name in "abc"]
+    begin_us, written = to_us(midnight(3)), Signal()
+    states = [(tracks[n % 3], begin_us + n * 7_000_000, 0.1 * n, 1.0, None) for n in range(9000)]
+    dealt = states[::3] + states[1::3] + states[2::3]
+
+    def write_all() -> None:
+        late = World.__new__(World)
+        with connect(world.dsn) as late.connection:
+            for start in range(0, len(dealt), 150):
+                late.add_states(dealt[start : start + 150])
+        written.set()
+
+    with ThreadPoolExecutor() as pool:
+        writing = pool.submit(write_all)
+        rounds = 0
+        while not written.is_set() and not writing.done():
+            maintain(world.dsn)
+            rounds += 1
+        writing.result()
+    maintain(world.dsn)
+    assert rounds > 1
+    assert world.one("select count(*) from semap.track_state") == 0
+    found = world.rows("select track_id, stamp, x_m from semap.stored_state order by 2")
+    assert [(track, to_us(stamp), x_m) for track, stamp, x_m in found] == [each[:3] for each in states]
+    assert world.one("select sum(track_states) from semap.source_count") == len(states)
 
 
 def test_changes_and_events_go_only_where_somebody_says_so(world: World) -> None:
