@@ -3,7 +3,7 @@
 -- A coordinate lies there in three parts, the highest bits by themselves, since only they are like those before; a stamp
 -- is how far it is off an even pace. So many states that an array of theirs is one piece in the place where PostgreSQL
 -- puts what is long: with more, pages are left half empty.
--- The view semap.stored_state has every state, be it packed or not.
+-- The view semap.stored_state (sql/304) has every state, be it packed or not.
 
 -- The bits of a number.
 create or replace function semap.bits_of(p_number double precision) returns bigint
@@ -26,31 +26,12 @@ $$;
 comment on function semap.number_of is
   'The finite number that has these bits: sign, exponent and four bits of the fraction; sixteen more; 32 more.';
 
--- The states that a packed row holds.
-create or replace function semap.states_in(p_packed semap.track_state_packed) returns setof semap.track_state
-language sql stable parallel safe rows 490 as $$
-  select (p_packed).track_id,
-         (p_packed).from_stamp + interval '1 us' * (
-           (s.place - 1) * (p_packed).span_us / greatest((p_packed).states - 1, 1)
-           + ((s.off_high::integer << 16) | (s.off_low::integer & 65535)) - 32768),
-         semap.number_of(s.x_high, s.x_middle, s.x_low), semap.number_of(s.y_high, s.y_middle, s.y_low),
-         s.z_m, s.std_m, coalesce(s.is_last, false), s.heading_rad, s.speed_mps, s.length_m, s.width_m
-  from unnest((p_packed).off_high, (p_packed).off_low, (p_packed).x_high, (p_packed).x_middle, (p_packed).x_low,
-              (p_packed).y_high, (p_packed).y_middle, (p_packed).y_low, (p_packed).z_m, (p_packed).std_m,
-              (p_packed).is_last, (p_packed).heading_rad, (p_packed).speed_mps, (p_packed).length_m, (p_packed).width_m)
-       with ordinality
-    s (off_high, off_low, x_high, x_middle, x_low, y_high, y_middle, y_low, z_m, std_m,
-       is_last, heading_rad, speed_mps, length_m, width_m, place)
-$$;
-comment on function semap.states_in is
-  'The states that a packed row holds.';
-
 -- Pack the states of the half hour that begins at a moment; says how many came as rows. What came late is put among the
 -- states that are packed already; of two of one track at one stamp the one that was packed first is kept, as the key of
 -- rows would have it. Writers go on meanwhile: what they add stays a row until the next time.
 create or replace function semap.pack_states(p_slot timestamptz) returns bigint
 language plpgsql security definer
-set search_path = pg_catalog, pg_temp set plan_cache_mode = force_custom_plan set jit = off as $$
+set search_path = pg_catalog, pg_temp set plan_cache_mode = force_custom_plan as $$
 declare
   v_states  bigint;
 begin
@@ -64,12 +45,14 @@ begin
     delete from semap.track_state_packed
     where from_stamp >= p_slot and from_stamp < p_slot + interval '30 min'
       and track_id in (select track_id from taken)
-    returning *
+    returning track_id, from_stamp
   ), stored as (
     select distinct on (track_id, stamp) * from (
       select 1 as age, * from taken
       union all
-      select 0, s.* from opened o cross join lateral semap.states_in(o::semap.track_state_packed) s
+      select 0, s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last,
+             s.heading_rad, s.speed_mps, s.length_m, s.width_m
+      from opened o join semap.packed_state s on s.track_id = o.track_id and s.from_stamp = o.from_stamp
     ) both_forms
     order by track_id, stamp, age
   ), numbered as (

@@ -119,8 +119,6 @@ def maintain(
     stop     ends it after the step that is under way
     """
     with connect(dsn, ROLE, application="semap maintain") as connection, translated():
-        # a look-up over many partitions looks dear, and is over long before it would be compiled
-        connection.execute("set jit = off")
         if dry_run:
             return _look(connection)
         with _alone(connection) as is_alone:

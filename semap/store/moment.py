@@ -37,7 +37,7 @@ RECENT = text(f"""
              count(*) filter (where stamp >= :trail_since) over one_track as points
       from ({SEEN}) seen
       window one_track as (partition by track_id)
-    ), trail as ( -- in the order of the window: to sort once more would take as long as all else
+    ), trail as materialized ( -- in the order of the window: to sort once more would take as long as all else
       select track_id, '[' || string_agg(
                '[' || x_m || ',' || y_m || ',' || date_part('epoch', stamp - :at) || ']', ',') || ']' as trail
       from numbered

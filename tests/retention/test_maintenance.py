@@ -6,6 +6,7 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 from datetime import date, timedelta
 from threading import Event as Signal
+from threading import Semaphore
 from unittest.mock import patch
 
 import psycopg
@@ -253,7 +254,7 @@ def test_writers_of_late_states_go_on_while_their_day_is_packed(world: World) ->
     make_partitions(world.connection, 3)
     retain(world.connection, "states", pack="1 d")
     tracks = [world.add_track(name) for name in "abc"]
-    begin_us, written = to_us(midnight(3)), Signal()
+    begin_us, rounds = to_us(midnight(3)), Semaphore(0)
     states = [(tracks[n % 3], begin_us + n * 7_000_000, 0.1 * n, 1.0, None) for n in range(9000)]
     dealt = states[::3] + states[1::3] + states[2::3]
 
@@ -262,17 +263,16 @@ def test_writers_of_late_states_go_on_while_their_day_is_packed(world: World) ->
         with connect(world.dsn) as late.connection:
             for start in range(0, len(dealt), 150):
                 late.add_states(dealt[start : start + 150])
-        written.set()
+                if start % 1500 == 0:  # nine times it goes on in the middle of a round
+                    rounds.acquire()
 
     with ThreadPoolExecutor() as pool:
         writing = pool.submit(write_all)
-        rounds = 0
-        while not written.is_set() and not writing.done():
+        while not writing.done():
             maintain(world.dsn)
-            rounds += 1
+            rounds.release()
         writing.result()
     maintain(world.dsn)
-    assert rounds > 1
     assert world.one("select count(*) from semap.track_state") == 0
     found = world.rows("select track_id, stamp, x_m from semap.stored_state order by 2")
     assert [(track, to_us(stamp), x_m) for track, stamp, x_m in found] == [each[:3] for each in states]

@@ -124,7 +124,6 @@ def story(world: World) -> Story:
 def answers(story: Story, asked: Mapping[str, Callable[[Connection, psycopg.Connection], object]]) -> Told:
     engine = open_engine(story.world.dsn, "semap_read")
     with engine.connect() as connection, connect(story.world.dsn, "semap_worker") as plain:
-        plain.execute("set jit = off")  # as the worker does
         told = {name: ask(connection, plain) for name, ask in asked.items()}
     engine.dispose()
     return told
