@@ -16,6 +16,13 @@ begin
     from semap.track_state s
     where t.source_id = v_count.source_id and t.live and t.stamp < v_count.frame_stamp
       and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
+    -- a state that was packed meanwhile
+    update semap.track_now t
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m,
+        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
+    from semap.track_now n
+    cross join lateral semap.state_before(n.track_id, v_count.frame_stamp, v_count.frame_stamp) s
+    where n.source_id = v_count.source_id and n.live and n.stamp < v_count.frame_stamp and t.track_id = n.track_id;
     update semap.source_count set placed_stamp = frame_stamp where source_id = v_count.source_id;
   end loop;
 end $$;

@@ -4,12 +4,14 @@
 -- reads those of the others at that time, so it never leaves the time in which the track was seen.
 -- All that is here acts for its owner and looks for itself which maps its caller may see.
 
--- When a track was seen first and last, or ended; nothing of one that the caller may not see.
+-- When a track was seen first and last, or ended; nothing of one that the caller may not see. Its last state may be one
+-- that is not written to its present (sql/135), or that was set aside (sql/131).
 create or replace function semap.seen_between(p_track_id bigint, out first timestamptz, out last timestamptz)
 returns setof record
 language sql stable parallel safe rows 1 as $$
-  select first_stamp, stamp from semap.track_now
-  where track_id = p_track_id and coalesce(map_id = any (semap.visible_maps()), true)
+  select n.first_stamp, greatest(n.stamp, n.outlier_stamp, c.frame_stamp)
+  from semap.track_now n left join semap.source_count c using (source_id)
+  where n.track_id = p_track_id and coalesce(n.map_id = any (semap.visible_maps()), true)
 $$;
 comment on function semap.seen_between is
   'When a track was seen first and last, or ended; nothing of one that the caller may not see.';

@@ -24,7 +24,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "track", "track_now", "track_amendment", "source", "source_count", "recording",
     ),
     "relations and regions": (
-        "relation", "continuous_query", "region", "region_cell", "region_edge", "region_wanted",
+        "relation", "relation_past", "verge", "continuous_query", "query_track", "region", "region_cell",
+        "region_edge",
     ),
     "changes": ("relation_change", "object_state", "door_now"),
     "events and evidence": ("event", "event_evidence", "event_amendment", "recompute_run"),

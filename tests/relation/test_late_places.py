@@ -33,7 +33,10 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(world
         now_us = frame * FRAME_US
         for name in alive:
             x, y = places[name]
-            places[name] = (min(max(x + dice.gauss(0, 0.15), 0), 12), min(max(y + dice.gauss(0, 0.15), 0), 12))
+            places[name] = (
+                min(max(x + dice.gauss(0, 0.15), 0), 12),
+                min(max(y + dice.gauss(0, 0.15), 0), 12),
+            )
         batch = [(name, now_us, *places[name], None, False) for name in sorted(alive)]
         what = dice.choice(["whole"] * 8 + ["part", "late", "edit", "end", "last", "again", "split"])
         if what == "part":

@@ -31,7 +31,9 @@ def test_a_single_fix_far_off_changes_nothing_in_any_batches(world: World) -> No
         for start in range(0, len(whole), size):
             world.add_states(whole[start : start + size])
         assert [each[2:] for each in world.changes() if each[0] == f"in {size}"] == [("began", "appeared", 0)]
-        assert world.rows("select x_m, y_m from semap.track_now where track_id = %s", track_id) == [(5.0, 1.0)]
+        assert world.rows("select x_m, y_m from semap.track_now where track_id = %s", track_id) == [
+            (5.0, 1.0)
+        ]
     assert outliers(world) == 6
 
 
