@@ -11,17 +11,16 @@ import logging
 from dataclasses import dataclass, field
 from threading import Event as Signal
 from threading import Lock, Thread
-from uuid import uuid4
 
 import numpy as np
 import psycopg
 import shapely
 from numpy.typing import NDArray
-from psycopg import pq
 
 from semap.errors import ServerUnavailable
-from semap.replication.pgoutput import Change, Row, parse_lsn
-from semap.replication.stream import ReplicationStream, connect_replication, losing_connection, start
+from semap.replication.pgoutput import Change, Row
+from semap.replication.snapshot import begin_at_snapshot
+from semap.replication.stream import ReplicationStream, start
 from semap.store.database import connect, translated
 
 log = logging.getLogger(__name__)
@@ -151,28 +150,17 @@ class Follower:
 
 def open_mirror(dsn: str) -> tuple[MapMirror, ReplicationStream]:
     """A mirror of the present map, and the stream of everything after it."""
-    replication = connect_replication(dsn)
-    slot = f"semap_mirror_{uuid4().hex}"
-    with losing_connection():
-        result = replication.exec_(
-            f"CREATE_REPLICATION_SLOT \"{slot}\" TEMPORARY LOGICAL pgoutput (SNAPSHOT 'export')".encode()
-        )
-    if result.status != pq.ExecStatus.TUPLES_OK:
-        message = replication.get_error_message().strip()
-        replication.finish()
-        raise ServerUnavailable(message, "See that max_replication_slots leaves room for the mirror.")
-    lsn = (result.get_value(0, 1) or b"").decode()
-    snapshot = (result.get_value(0, 2) or b"").decode()
+    beginning = begin_at_snapshot(dsn, "mirror")
     mirror = MapMirror()
     with (
         connect(dsn, "semap_ingest", application="semap mirror", autocommit=False) as connection,
         translated(),
     ):
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
-        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(snapshot))
+        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(beginning.snapshot))
         for table in KEYS:
             _load(connection, mirror, table)
-    return mirror, start(replication, slot, PUBLICATIONS, parse_lsn(lsn))
+    return mirror, start(beginning.connection, beginning.slot, PUBLICATIONS, beginning.lsn)
 
 
 def _load(connection: psycopg.Connection, mirror: MapMirror, table: str) -> None:

@@ -73,6 +73,18 @@ def get_query(connection: Connection, query_id: int) -> Query:
     return _query(dict(row._mapping))
 
 
+def find_query(connection: Connection, map_name: str, name: str) -> Query:
+    """The query of a name on a map; raises NotFound"""
+    map_id = map_id_of(connection, map_name)
+    with translated():
+        row = connection.execute(
+            _QUERIES.where(continuous_query.c.map_id == map_id, continuous_query.c.name == name)
+        ).one_or_none()
+    if row is None:
+        raise NotFound("query", name, f"List the queries of the map: semap query list --map {map_name}")
+    return _query(dict(row._mapping))
+
+
 def add_query(
     connection: Connection, map_name: str, declaration: Declaration, *, sql: str | None = None
 ) -> Query:

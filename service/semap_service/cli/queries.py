@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,8 +15,11 @@ from semap.model.continuous_query import (
     Declaration,
     Side,
 )
-from semap_service.cli.output import print_rows
+from semap_service.cli.output import clock, print_json_line, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
+
+if TYPE_CHECKING:
+    from semap.worker.query_watch import Delta
 
 MapOption = Annotated[str | None, typer.Option("--map", help="Only those of this map.")]
 QueryId = Annotated[
@@ -35,6 +38,7 @@ def commands() -> typer.Typer:
     app.command("disable")(disable)
     app.command("delete")(delete)
     app.command("now")(now)
+    app.command("watch")(watch)
     return app
 
 
@@ -223,3 +227,45 @@ def now(
         columns = [column.name for column in cursor.description or ()]
         rows = [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
     print_rows(rows, as_json, "No relation holds now.")
+
+
+def watch(
+    name: Annotated[str, typer.Argument(help="Name of the query.")],
+    map_name: Annotated[str, typer.Option("--map", help="Its map.")],
+    limit: Annotated[
+        int | None, typer.Option(help="Stop after so many changes. [default: go on until Ctrl-C]", min=0)
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, an object a line.")] = False,
+    dsn: Dsn = None,
+) -> None:
+    """Show what holds now, and then each change as it is committed: none is missed, none comes twice.
+
+    `=` holds, `+` began, `-` ended; when the boundary was crossed and, if that was later, when it was known.
+    """
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.queries import find_query  # noqa: PLC0415
+    from semap.worker.query_watch import watch_query  # noqa: PLC0415
+
+    with database(dsn) as opened:
+        with one_transaction(opened, "semap_read") as connection:
+            query = find_query(connection, map_name, name)
+        changes = 0
+        try:
+            for delta in watch_query(opened, query.query_id):
+                if limit is not None and changes >= limit and (delta is None or delta.kind is not None):
+                    return
+                if delta is None:
+                    continue
+                changes += delta.kind is not None
+                print_json_line(asdict(delta)) if as_json else typer.echo(_line(delta))
+        except KeyboardInterrupt:
+            return
+
+
+def _line(delta: Delta) -> str:
+    sign = {None: "=", "began": "+", "ended": "-"}[delta.kind]
+    at, known = clock(delta.at), ""
+    if delta.known is not None and delta.known != delta.at:
+        known = f"  (known {clock(delta.known)})"
+    cause = "" if delta.cause in (None, "moved") else f"  {delta.cause}"
+    return f"{sign} {at}  {delta.track}  {delta.instance}{cause}{known}"
