@@ -87,9 +87,10 @@ class World:
         )
         low, high = band or (None, None)
         self.run(
-            "insert into semap.abstraction (description_id, type, geometry, z_min_m, z_max_m)"
-            " values (%s, 'Footprint', %s, %s, %s)",
+            "insert into semap.abstraction (description_id, instance_id, type, geometry, z_min_m, z_max_m)"
+            " values (%s, %s, 'Footprint', %s, %s, %s)",
             description_id,
+            instance_id,
             shapely.to_wkb(footprint, hex=True),
             low,
             high,

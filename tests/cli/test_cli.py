@@ -77,6 +77,13 @@ def test_queries_and_rules(database: str) -> None:
     assert "Rule 2 made" in done(database, "rule", "add", "-", "--map", "home", stdin=rule)
     assert json.loads(done(database, "rule", "show", "2"))["declaration"]["emit"] == {"began": "came"}
     done(database, "rule", "disable", "2")
+    near = ("query", "add", "near", "--map", "home", "--concept", "Door", "--where", "attributes.floor = 2")
+    assert "needs a distance" in semap(database, *near, "--predicate", "within_distance").stderr
+    made = done(database, *near, "--predicate", "within_distance", "--distance", "2", "--debounce")
+    assert "Query 3 made: near." in made
+    assert "2 m, debounced" in done(database, "query", "list", "--map", "home")
+    assert done(database, "query", "watch", "near", "--map", "home", "--limit", "0") == ""
+    done(database, "query", "delete", "3")
     done(database, "query", "disable", "2")
     states = {row["name"]: row["enabled"] for row in json.loads(done(database, "rule", "list", "--json"))}
     assert states == {"room_visits": True, "comings": False}
