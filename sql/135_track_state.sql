@@ -61,7 +61,7 @@ begin
   v_is_whole := v_first = v_last and v_tracks = v_states;
   if v_arrivals is not null then
     select * into v_source from semap.source where source_id = v_source_id;
-    select count(*) filter (where source_id is distinct from v_source_id),
+    select count(*) filter (where source_id is null or source_id <> v_source_id),
            count(*) filter (where stamp <= seen_stamp),
            count(distinct track_id) filter (where not live and stamp > seen_stamp),
            count(*) filter (where is_last and stamp > seen_stamp),

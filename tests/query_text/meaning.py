@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
-from scene import THINGS, WALKERS, Thing, Walker
+from query_scene import THINGS, WALKERS, Thing, Walker
 
 from semap.cql2 import parse
 from semap.cql2.evaluate import Subject, compile_filter

@@ -9,7 +9,7 @@ import psycopg
 import pytest
 from corpus import ACCEPTED, CONCEPTS, Accepted
 from meaning import One, members, pairs
-from scene import build, shown, walk
+from query_scene import build, shown, walk
 from server import fresh_database
 
 from semap.cluster import Cluster

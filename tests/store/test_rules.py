@@ -6,6 +6,7 @@ import pytest
 from sqlalchemy import Connection, Engine, text
 
 from semap.errors import Conflict, InvalidInput, NotFound
+from semap.model.continuous_query import Declaration, Side
 from semap.rules.language.reading import parse_declaration
 from semap.store.maps import create_map, delete_map
 from semap.store.queries import add_query, delete_query, enable_query, get_query, list_queries
@@ -33,9 +34,13 @@ def connection(engine: Engine):
         yield connection
 
 
+def asked(name: str, concept: str) -> Declaration:
+    return Declaration(name, "contains", Side("track"), Side("instance", concept))
+
+
 def test_a_query_is_added_rests_and_goes(connection: Connection) -> None:
-    made = add_query(connection, "office", "at_door", "Door")
-    assert (made.map, made.concept, made.predicate, made.enabled) == ("office", "Door", "contains", True)
+    made = add_query(connection, "office", asked("at_door", "Door"))
+    assert (made.map, made.declaration, made.enabled) == ("office", asked("at_door", "Door"), True)
     assert [each.name for each in list_queries(connection, map_name="office")] == ["track_in_room", "at_door"]
     assert enable_query(connection, made.query_id, False).enabled is False
     delete_query(connection, made.query_id)
@@ -119,7 +124,7 @@ def test_a_name_is_looked_up_among_queries_rules_and_properties(connection: Conn
         delete_rule(connection, made.rule_id)
         return made.queries
 
-    add_query(connection, "office", "at_door", "Door")
+    add_query(connection, "office", asked("at_door", "Door"))
     assert queries(["track_in_room", "at_door", "door"]) == ("at_door", "track_in_room")
     assert queries([{"query": "at_door"}, {"object_state": "track_in_room"}]) == ("at_door",)
     assert queries(["room_visits", {"map": True}]) == ()
@@ -135,7 +140,7 @@ def test_a_name_is_looked_up_among_queries_rules_and_properties(connection: Conn
     with pytest.raises(NotFound):
         add_rule(connection, "nowhere", parse_declaration(VISITS, "r"))
     with pytest.raises(InvalidInput, match="there is no concept Nothing"):
-        add_query(connection, "office", "q", "Nothing")
+        add_query(connection, "office", asked("q", "Nothing"))
 
 
 def test_a_backfill_has_its_seam_until_the_next_version(connection: Connection) -> None:
