@@ -235,7 +235,7 @@ begin
       on t.map_id = c.map_id and t.live
       and floor(t.x_m / t.cell_m)::integer = c.cell_x and floor(t.y_m / t.cell_m)::integer = c.cell_y
     where c.region_id = any (v_changed)
-      and case when r.careful then (semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m)).side
+      and case when r.careful then (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
                     and (r.subject is null or exists (select from semap.query_track s
                                                    where s.query_id = r.query_id and s.track_id = t.track_id))
                else (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))

@@ -9,32 +9,27 @@
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
 -- place that is too uncertain (more than widest_std_m) is evidence of nothing: neither.
 create or replace function semap.stands(
-  p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real,
-  out side boolean, out enters boolean, out leaves boolean
-) language plpgsql immutable parallel safe as $$
-declare
-  v_point      public.geometry := public.st_point(p_x_m, p_y_m);
-  v_at_height  boolean := p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m);
-  v_depth_m    double precision;
-begin
-  side := v_at_height and case p_region.predicate
-    when 'covers' then public.st_covers(p_region.shape, v_point)
-    when 'within_distance' then public.st_dwithin(p_region.shape, v_point, p_region.distance_m)
-    else public.st_contains(p_region.shape, v_point) end;
-  enters := side and (p_region.core is null or public.st_contains(p_region.core, v_point));
-  leaves := not v_at_height
-            or (not side and (p_region.reach is null or not public.st_contains(p_region.reach, v_point)));
-  if p_region.enter_stds is not null and v_at_height then
-    if p_std_m > p_region.widest_std_m then
-      enters := false;
-      leaves := false;
-    elsif enters or leaves then
-      v_depth_m := public.st_distance(public.st_boundary(p_region.footprint), v_point);
-      enters := enters and v_depth_m >= p_region.enter_stds * coalesce(p_std_m, 0);
-      leaves := leaves and v_depth_m >= p_region.leave_stds * coalesce(p_std_m, 0);
-    end if;
-  end if;
-end $$;
+  p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real
+) returns table (side boolean, enters boolean, leaves boolean)
+language sql immutable parallel safe as $$
+  select b.side,
+         b.side and (p_region.core is null or public.st_contains(p_region.core, b.point))
+           and (d.depth_m >= p_region.enter_stds * coalesce(p_std_m, 0)) is not false and not d.is_vague,
+         (not b.at_height
+          or not b.side and (p_region.reach is null or not public.st_contains(p_region.reach, b.point))
+             and (d.depth_m >= p_region.leave_stds * coalesce(p_std_m, 0)) is not false and not d.is_vague)
+  from (select h.point, h.at_height, h.at_height and case p_region.predicate
+                 when 'covers' then public.st_covers(p_region.shape, h.point)
+                 when 'within_distance' then public.st_dwithin(p_region.shape, h.point, p_region.distance_m)
+                 else public.st_contains(p_region.shape, h.point) end as side
+        from (select public.st_point(p_x_m, p_y_m) as point,
+                     p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m) as at_height offset 0) h
+        offset 0) b
+  cross join lateral (
+    select case when p_region.enter_stds is not null
+             then public.st_distance(public.st_boundary(p_region.footprint), b.point) end as depth_m,
+           (p_region.enter_stds is not null and p_std_m > p_region.widest_std_m) is true as is_vague offset 0) d
+$$;
 comment on function semap.stands is
   'Where a point stands to a region: inside of its boundary, deep enough to enter, far enough outside to leave.';
 
@@ -64,203 +59,185 @@ $$;
 comment on function semap.parts_of_way is
   'Where a straight way from one place to another meets the boundaries of a region, as parts of the way in [0, 1).';
 
--- Let one track go on to one place at a moment, and tell whether its relation to the
--- region changed by that.
-create or replace function semap.tread(
-  inout p_verge semap.verge, p_region semap.region, p_at timestamptz, p_x_m double precision, p_y_m double precision,
-  p_side boolean, p_enters boolean, p_leaves boolean, out changed boolean
-) language plpgsql immutable as $$
-begin
-  if p_side <> p_verge.side then
-    p_verge.side := p_side;
-    p_verge.side_at := p_at;
-    p_verge.x_m := p_x_m;
-    p_verge.y_m := p_y_m;
-  end if;
-  if (p_enters and not p_verge.inside) or (p_leaves and p_verge.inside) then
-    p_verge.inside := p_enters;
-    p_verge.inside_at := p_at;
-  end if;
-  changed := p_verge.inside <> p_verge.held
-    and p_at >= p_verge.inside_at + case when p_verge.inside then p_region.enter_confirm else p_region.leave_confirm end;
-  if changed then
-    p_verge.held := p_verge.inside;
-  end if;
-end $$;
-comment on function semap.tread is
-  'Let one track go on to one place at a moment, and tell whether its relation to the region changed by that.';
+-- Each step of these tracks beside each careful region that it may concern: the parts of the way to each state, where the
+-- region asks for them and they are neither too long nor too fast, and (part null) the state itself.
+-- A region may concern a track that comes into its box, is in it, or on its verge.
+create or replace function semap.steps(p_arrivals semap.arrival[])
+returns table (
+  track_id bigint, region_id integer, map_id integer, enter_confirm interval, leave_confirm interval,
+  known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
+  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean, is_last boolean
+)
+language sql stable as $$
+  with arrival as (
+    select a.*, lag(a.stamp, 1, a.seen_stamp) over one_track as before_stamp,
+           lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m,
+           lag(a.z_m, 1, a.from_z_m) over one_track as before_z_m,
+           lag(a.is_last, 1, not a.live) over one_track as appears
+    from unnest(p_arrivals) a
+    window one_track as (partition by a.track_id order by a.stamp)
+  ), track as (
+    select a.track_id, a.map_id, n.careful_ids,
+           public.st_expand(public.st_makeenvelope(
+             least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
+             greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
+    from arrival a join semap.track_now n using (track_id)
+    group by a.track_id, a.map_id, n.careful_ids
+  ), concerned as (
+    select t.track_id, r.region_id from track t join semap.region r
+      on r.careful and r.map_id = t.map_id and r.footprint && t.extent
+    union
+    select t.track_id, region_id from track t, unnest(t.careful_ids) region_id
+    union
+    select v.track_id, v.region_id from track t join semap.verge v using (track_id)
+  )
+  select c.track_id, r.region_id, r.map_id, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
+         s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last
+  from concerned c
+  join semap.region r on r.region_id = c.region_id
+  join arrival a on a.track_id = c.track_id
+  cross join lateral (
+    select case
+      when r.longest_gap is null or a.appears or a.stamp > a.before_stamp + r.longest_gap
+        or sqrt((a.x_m - a.before_x_m) ^ 2 + (a.y_m - a.before_y_m) ^ 2)
+           > r.fastest_mps * extract(epoch from a.stamp - a.before_stamp) then null
+      else semap.parts_of_way(r, a.before_x_m, a.before_y_m, a.before_z_m, a.x_m, a.y_m, a.z_m) end as parts offset 0) p
+  cross join lateral (
+    select a.before_stamp + make_interval(secs => part * extract(epoch from a.stamp - a.before_stamp)) as at, part,
+           a.before_x_m + part * (a.x_m - a.before_x_m) as x_m, a.before_y_m + part * (a.y_m - a.before_y_m) as y_m,
+           a.before_x_m + middle * (a.x_m - a.before_x_m) as on_x_m,
+           a.before_y_m + middle * (a.y_m - a.before_y_m) as on_y_m,
+           a.before_z_m + middle * (a.z_m - a.before_z_m) as on_z_m
+    from (select part, (part + coalesce(lead(part) over (order by part), 1)) / 2 as middle from unnest(p.parts) part) u
+    union all
+    select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
+  cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m) s
+  where r.subject is null
+     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
+$$;
+comment on function semap.steps is
+  'Each step of these tracks beside each careful region that it may concern.';
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
-create or replace function semap.verge_crossing(p_verge semap.verge, p_state semap.arrival) returns semap.crossing
+create or replace function semap.verge_crossing(p_verge semap.verge, p_known_at timestamptz) returns semap.crossing
 language sql immutable parallel safe as $$
-  select row(p_state.track_id, (p_verge).region_id, case when (p_verge).held then 'began' else 'ended' end, 'moved',
-             p_state.stamp, case when (p_verge).side = (p_verge).held then coalesce((p_verge).side_at, (p_verge).inside_at)
-                                 else (p_verge).inside_at end,
+  select row((p_verge).track_id, (p_verge).region_id, case when (p_verge).held then 'began' else 'ended' end, 'moved',
+             p_known_at, case when (p_verge).side = (p_verge).held then coalesce((p_verge).side_at, (p_verge).inside_at)
+                              else (p_verge).inside_at end,
              (p_verge).x_m, (p_verge).y_m)::semap.crossing
 $$;
 comment on function semap.verge_crossing is
   'What a relation that changed says: the moment and the place at which the boundary was crossed.';
 
--- A track that is inside in all ways, or in none.
-create or replace function semap.verge_at_rest(p_track_id bigint, p_region semap.region, p_side boolean) returns semap.verge
-language sql immutable parallel safe as $$
-  select row(p_track_id, (p_region).region_id, (p_region).map_id, p_side, p_side, null, p_side, null, null, null)::semap.verge
-$$;
-comment on function semap.verge_at_rest is
-  'A track that is inside in all ways, or in none.';
-
--- Follow one track through states, in the order of their stamps, in its relation to one region. Where the region asks for
--- the way between samples, each of the way's parts is trodden, too, unless it is too long or too fast to be one.
-create or replace function semap.follow_region(
-  p_region semap.region, inout p_verge semap.verge, p_arrivals semap.arrival[], out p_crossings semap.crossing[]
-) language plpgsql immutable as $$
-declare
-  v_state    semap.arrival;
-  v_from     semap.arrival := p_arrivals[1];
-  v_live     boolean := v_from.live;
-  v_gap_s    double precision;
-  v_parts    double precision[];
-  v_step     record;
-  v_trod     record;
-begin
-  v_from.stamp := v_from.seen_stamp;
-  v_from.x_m := v_from.from_x_m;
-  v_from.y_m := v_from.from_y_m;
-  v_from.z_m := v_from.from_z_m;
-  foreach v_state in array p_arrivals loop
-    v_gap_s := case when v_live then extract(epoch from v_state.stamp - v_from.stamp) end;
-    v_parts := case
-      when v_live and v_state.stamp <= v_from.stamp + p_region.longest_gap
-           and sqrt((v_state.x_m - v_from.x_m) ^ 2 + (v_state.y_m - v_from.y_m) ^ 2) <= p_region.fastest_mps * v_gap_s
-      then semap.parts_of_way(p_region, v_from.x_m, v_from.y_m, v_from.z_m, v_state.x_m, v_state.y_m, v_state.z_m) end;
-    for v_step in
-      select w.at, w.x_m, w.y_m, s.side, s.enters, s.leaves
-      from (
-        select v_from.stamp + make_interval(secs => part * v_gap_s) as at, ordinality,
-               v_from.x_m + part * (v_state.x_m - v_from.x_m) as x_m, v_from.y_m + part * (v_state.y_m - v_from.y_m) as y_m,
-               v_from.x_m + middle * (v_state.x_m - v_from.x_m) as on_x_m,
-               v_from.y_m + middle * (v_state.y_m - v_from.y_m) as on_y_m,
-               v_from.z_m + middle * (v_state.z_m - v_from.z_m) as on_z_m
-        from (select part, ordinality, (part + coalesce(lead(part) over (order by ordinality), 1)) / 2 as middle
-              from unnest(v_parts) with ordinality u (part, ordinality)) p
-        union all
-        select v_state.stamp, null, v_state.x_m, v_state.y_m, v_state.x_m, v_state.y_m, v_state.z_m
-      ) w
-      cross join lateral semap.stands(p_region, w.on_x_m, w.on_y_m, w.on_z_m, v_state.std_m) s
-      order by w.ordinality nulls last
-    loop
-      if not v_live then
-        v_live := true;
-        p_verge := semap.verge_at_rest(v_state.track_id, p_region, v_step.side);
-        if v_step.side then
-          p_crossings := p_crossings || row(v_state.track_id, p_region.region_id, 'began', 'appeared', v_state.stamp,
-                                            v_state.stamp, v_state.x_m, v_state.y_m)::semap.crossing;
-        end if;
-        continue;
-      end if;
-      if v_parts is not null then -- what is known all the way may have lasted long enough before this step
-        v_trod := semap.tread(p_verge, p_region, v_step.at, null, null, p_verge.side, false, false);
-        p_verge := v_trod.p_verge;
-        if v_trod.changed then
-          p_crossings := p_crossings || semap.verge_crossing(p_verge, v_state);
-        end if;
-      end if;
-      v_trod := semap.tread(p_verge, p_region, v_step.at, v_step.x_m, v_step.y_m, v_step.side, v_step.enters, v_step.leaves);
-      p_verge := v_trod.p_verge;
-      if v_trod.changed then
-        p_crossings := p_crossings || semap.verge_crossing(p_verge, v_state);
-      end if;
-    end loop;
-    if v_state.is_last then
-      if p_verge.held then
-        p_crossings := p_crossings || row(v_state.track_id, p_region.region_id, 'ended', 'disappeared', v_state.stamp,
-                                          v_state.stamp, v_state.x_m, v_state.y_m)::semap.crossing;
-      end if;
-      p_verge := semap.verge_at_rest(v_state.track_id, p_region, false);
-      v_live := false;
-    end if;
-    v_from := v_state;
-  end loop;
-end $$;
-comment on function semap.follow_region is
-  'Follow one track through states, in the order of their stamps, in its relation to one region.';
-
--- Keep where a track stands to a region while it is between; what was kept before is p_before.
-create or replace function semap.keep_verge(p_before semap.verge, p_verge semap.verge) returns void
+-- Keep where tracks stand to regions after these steps, in the tables: verges where they are between, the regions they
+-- are in, and when one of their verges is due, if nothing else happens.
+create or replace function semap.keep_verges(p_verges semap.verge[], p_track_ids bigint[]) returns void
 language plpgsql as $$
 begin
-  if p_verge.held = p_verge.inside and p_verge.inside = p_verge.side then
-    if p_before.held <> p_before.inside or p_before.inside <> p_before.side then
-      delete from semap.verge where track_id = p_verge.track_id and region_id = p_verge.region_id;
-    end if;
-  elsif p_verge is distinct from p_before then
-    insert into semap.verge select (p_verge).*
-    on conflict (track_id, region_id) do update
-    set held = excluded.held, inside = excluded.inside, inside_at = excluded.inside_at,
-        side = excluded.side, side_at = excluded.side_at, x_m = excluded.x_m, y_m = excluded.y_m;
-  end if;
-end $$;
-comment on function semap.keep_verge is
-  'Keep where a track stands to a region while it is between.';
+  delete from semap.verge v
+  using unnest(p_verges) n
+  where v.track_id = n.track_id and v.region_id = n.region_id and n.held = n.inside and n.inside = n.side;
+  insert into semap.verge as v
+  select n.* from unnest(p_verges) n where n.held <> n.inside or n.inside <> n.side
+  on conflict (track_id, region_id) do update
+  set held = excluded.held, inside = excluded.inside, inside_at = excluded.inside_at,
+      side = excluded.side, side_at = excluded.side_at, x_m = excluded.x_m, y_m = excluded.y_m
+  where v is distinct from excluded;
 
--- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it. What
--- is kept of each track between batches is brought up to date: the regions it is in, its verges, and when one of these is
--- due, if nothing else happens.
+  update semap.track_now t
+  set careful_ids = coalesce(n.region_ids, '{}'),
+      calm_until = case when t.outlier_stamp is null then coalesce(n.due, 'infinity') else '-infinity' end
+  from unnest(p_track_ids) k (track_id)
+  left join (
+    select v.track_id, array_agg(v.region_id order by v.region_id) filter (where v.held) as region_ids,
+           min(v.inside_at + case when v.inside then r.enter_confirm else r.leave_confirm end)
+             filter (where v.held <> v.inside) as due
+    from unnest(p_verges) v join semap.region r using (region_id)
+    group by v.track_id) n using (track_id)
+  where t.track_id = k.track_id;
+end $$;
+comment on function semap.keep_verges is
+  'Keep where tracks stand to regions: verges where they are between, the regions they are in, and when they are due.';
+
+-- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.
 create or replace function semap.follow_carefully(p_arrivals semap.arrival[]) returns semap.crossing[]
 language plpgsql as $$
 declare
-  v_states     semap.arrival[];
-  v_now        semap.track_now;
-  v_extent     public.geometry;
-  v_region     semap.region;
+  v_step       record;
   v_verge      semap.verge;
-  v_followed   record;
-  v_held       integer[];
-  v_due        timestamptz;
+  v_verges     semap.verge[];
   v_crossings  semap.crossing[];
 begin
-  for v_states in
-    select array_agg(a order by a.stamp) from unnest(p_arrivals) a group by a.track_id order by a.track_id
+  for v_step in
+    select s.*, s.region_id = any (n.careful_ids) as held, v as verge, v.track_id is not null as has_verge
+    from semap.steps(p_arrivals) s
+    join semap.track_now n using (track_id)
+    left join semap.verge v on v.track_id = s.track_id and v.region_id = s.region_id
+    order by s.track_id, s.region_id, s.known_at, s.part nulls last
   loop
-    select * into v_now from semap.track_now where track_id = v_states[1].track_id;
-    v_extent := public.st_expand(public.st_extent(public.st_makepoint(x_m, y_m))::public.geometry, 0.001)
-      from (select x_m, y_m from unnest(v_states)
-            union all select v_states[1].from_x_m, v_states[1].from_y_m where v_states[1].live) places;
-    v_held := '{}';
-    v_due := 'infinity';
-    for v_region in
-      select r.*
-      from semap.region r
-      where r.careful and r.map_id = v_now.map_id
-        and (r.footprint && v_extent
-             or r.region_id = any (v_now.careful_ids)
-             or r.region_id in (select region_id from semap.verge where track_id = v_now.track_id))
-        and (r.subject is null or exists (select from semap.query_track s
-                                          where s.query_id = r.query_id and s.track_id = v_now.track_id))
-      order by r.instance_uid, r.query_id
-    loop
-      select * into v_verge from semap.verge v where v.track_id = v_now.track_id and v.region_id = v_region.region_id;
-      if not found then
-        v_verge := semap.verge_at_rest(v_now.track_id, v_region, v_region.region_id = any (v_now.careful_ids));
+    if v_verge.track_id is distinct from v_step.track_id or v_verge.region_id is distinct from v_step.region_id then
+      if v_verge.track_id is not null then
+        v_verges := v_verges || v_verge;
       end if;
-      v_followed := semap.follow_region(v_region, v_verge, v_states);
-      perform semap.keep_verge(v_verge, v_followed.p_verge);
-      v_verge := v_followed.p_verge;
-      v_crossings := v_crossings || v_followed.p_crossings;
+      if v_step.has_verge then
+        v_verge := v_step.verge;
+      else
+        v_verge := row(v_step.track_id, v_step.region_id, v_step.map_id, v_step.held, v_step.held, null, v_step.held,
+                       null, null, null);
+      end if;
+    end if;
+
+    if v_step.appears then
+      v_verge.held := v_step.side;
+      v_verge.inside := v_step.side;
+      v_verge.side := v_step.side;
+      v_verge.inside_at := null;
+      v_verge.side_at := null;
+      if v_step.side then
+        v_crossings := v_crossings || row(v_step.track_id, v_step.region_id, 'began', 'appeared', v_step.known_at,
+                                          v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
+      end if;
+    else
+      -- what is known all the way may have lasted long enough before this step
+      if v_step.has_parts and v_verge.inside <> v_verge.held
+         and v_step.at >= v_verge.inside_at
+                          + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
+        v_verge.held := v_verge.inside;
+        v_crossings := v_crossings || semap.verge_crossing(v_verge, v_step.known_at);
+      end if;
+      if v_step.side <> v_verge.side then
+        v_verge.side := v_step.side;
+        v_verge.side_at := v_step.at;
+        v_verge.x_m := v_step.x_m;
+        v_verge.y_m := v_step.y_m;
+      end if;
+      if v_step.enters and not v_verge.inside or v_step.leaves and v_verge.inside then
+        v_verge.inside := v_step.enters;
+        v_verge.inside_at := v_step.at;
+      end if;
+      if v_verge.inside <> v_verge.held
+         and v_step.at >= v_verge.inside_at
+                          + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
+        v_verge.held := v_verge.inside;
+        v_crossings := v_crossings || semap.verge_crossing(v_verge, v_step.known_at);
+      end if;
+    end if;
+
+    if v_step.is_last and v_step.part is null then
       if v_verge.held then
-        v_held := v_held || v_region.region_id;
+        v_crossings := v_crossings || row(v_step.track_id, v_step.region_id, 'ended', 'disappeared', v_step.known_at,
+                                          v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
       end if;
-      if v_verge.held <> v_verge.inside then
-        v_due := least(v_due, v_verge.inside_at
-                              + case when v_verge.inside then v_region.enter_confirm else v_region.leave_confirm end);
-      end if;
-    end loop;
-    update semap.track_now
-    set careful_ids = v_held,
-        calm_until = case when outlier_stamp is null then v_due else '-infinity' end
-    where track_id = v_now.track_id;
+      v_verge.held := false;
+      v_verge.inside := false;
+      v_verge.side := false;
+    end if;
   end loop;
+  if v_verge.track_id is not null then
+    v_verges := v_verges || v_verge;
+  end if;
+  perform semap.keep_verges(v_verges, array(select distinct track_id from unnest(p_arrivals)));
   return v_crossings;
 end $$;
 comment on function semap.follow_carefully is
