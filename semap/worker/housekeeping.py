@@ -17,14 +17,14 @@ from semap.store.maintenance import Maintained, maintain
 
 log = logging.getLogger(__name__)
 
-FIRST_S = 10.0
+FIRST_S = 60.0
 EACH_S = 3600.0
 PATIENCE_S = 5.0
 
 
 @contextmanager
 def housekeeping(dsn: str, first_s: float = FIRST_S, each_s: float = EACH_S) -> Iterator[None]:
-    """Maintenance as long as this lasts: some seconds after its beginning, and then each hour."""
+    """Maintenance as long as this lasts: a minute after its beginning, and then each hour."""
     stop = Signal()
     thread = Thread(target=_keep, args=(dsn, stop, first_s, each_s), name="housekeeping", daemon=True)
     thread.start()
