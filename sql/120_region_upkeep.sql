@@ -65,12 +65,13 @@ create or replace view semap.region_wanted as
          -semap.normal_quantile(q.leave_probability) as leave_stds, q.widest_std_m, q.longest_gap, q.fastest_mps,
          q.subject, q.careful
   from (
-    select *, case when predicate = 'within_distance' then distance_m end as by_m,
+    select c.*, case when predicate = 'within_distance' then distance_m end as by_m, t.subject,
            predicate <> 'contains' or enter_margin_m > 0 or leave_margin_m > 0 or enter_confirm > '0'
            or leave_confirm > '0' or enter_probability is not null or longest_gap is not null
-           or subject_concept_id is not null or subject_uids is not null or subject_where is not null as careful,
-           nullif(concat_ws('|', subject_concept_id, subject_uids, subject_where), '') as subject
-    from semap.continuous_query
+           or t.subject is not null as careful
+    from semap.continuous_query c
+    cross join lateral (
+      select nullif(concat_ws('|', subject_concept_id, subject_uids, subject_where), '') as subject) t
   ) q
   cross join lateral (
     select semap.concepts_below(q.object_concept_id) as concept_id
@@ -366,7 +367,6 @@ create or replace trigger continuous_query_updated after update on semap.continu
   referencing new table as new_query for each statement execute function semap.queries_changed();
 create or replace trigger continuous_query_deleted after delete on semap.continuous_query
   referencing old table as old_query for each statement execute function semap.queries_changed();
-drop trigger if exists continuous_query_changed on semap.continuous_query;
 
 -- With a map goes what happened on it: a map of the same name starts anew. Its events belong to the
 -- rule worker, which deletes them when it comes to this place in the log.

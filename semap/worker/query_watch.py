@@ -47,15 +47,10 @@ def watch_query(dsn: str, query_id: int, patience_s: float = 0.5) -> Iterator[De
     raises  ServerUnavailable when the server is gone: what follows is unknown then
     """
     beginning = begin_at_snapshot(dsn, "watch")
-    with connect(dsn, "semap_read", application="semap watch", autocommit=False) as connection, translated():
-        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
-        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(beginning.snapshot))
-        held = connection.execute(HOLDS, [query_id]).fetchall()
-    for track_id, track, instance_id, instance, since in held:
-        yield Delta(None, None, track_id, track, instance_id, instance, since)
-    yield None
-    stream = start(beginning.connection, beginning.slot, PUBLICATIONS, beginning.lsn)
     try:
+        yield from _held(dsn, beginning.snapshot, query_id)
+        yield None
+        stream = start(beginning.connection, beginning.slot, PUBLICATIONS, beginning.lsn)
         while True:
             transactions = stream.receive(patience_s)
             for transaction in transactions:
@@ -64,7 +59,14 @@ def watch_query(dsn: str, query_id: int, patience_s: float = 0.5) -> Iterator[De
             if not transactions:
                 yield None
     finally:
-        stream.close()
+        beginning.connection.finish()
+
+
+def _held(dsn: str, snapshot: str, query_id: int) -> list[Delta]:
+    with connect(dsn, "semap_read", application="semap watch", autocommit=False) as connection, translated():
+        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(snapshot))
+        return [Delta(None, None, *row) for row in connection.execute(HOLDS, [query_id])]
 
 
 def _is_of(change: Change, query_id: int) -> bool:
