@@ -18,6 +18,7 @@ from sqlalchemy import (
     Column,
     ColumnElement,
     Double,
+    FetchedValue,
     ForeignKey,
     Identity,
     Integer,
@@ -37,8 +38,9 @@ from sqlalchemy.types import UserDefinedType
 METADATA = MetaData(schema="semap")
 
 STAMP = TIMESTAMP(timezone=True)
+SIDES = ("track", "subject_instance", "instance", "object_track")
 POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-CHANGE_KIND = ENUM("began", "ended", name="change_kind", schema="semap", create_type=False)
+CHANGE_KIND = ENUM("began", "ended", "crossed", name="change_kind", schema="semap", create_type=False)
 CHANGE_CAUSE = ENUM(
     "moved", "appeared", "disappeared", "map", name="change_cause", schema="semap", create_type=False
 )
@@ -89,6 +91,15 @@ def _reals(*names: str, nullable: bool = False) -> tuple[Column[float], ...]:
 
 def _text(name: str, nullable: bool = False) -> Column[str]:
     return Column(name, Text, nullable=nullable)
+
+
+def _sides() -> tuple[Column[Any], ...]:
+    """What a relation is between: of the first two one is given, the subject, and of the others one."""
+    return tuple(
+        column
+        for side in SIDES
+        for column in (Column(f"{side}_id", BigInteger), _text(f"{side}_name", nullable=True))
+    )
 
 
 behaviour = Table("behaviour", METADATA, _text("checksum"), Column("applied_at", STAMP, nullable=False))
@@ -440,6 +451,11 @@ continuous_query = Table(
     Column("payload", JSONB, nullable=False),
     _text("sql", nullable=True),
     Column("enabled", Boolean, nullable=False),
+    *(_text(name) for name in ("subject_kind", "object_kind")),
+    Column("count", Integer),
+    *_doubles("angle_rad", "speed_mps", nullable=True),
+    _text("direction", nullable=True),
+    Column("in_pairs", Boolean, nullable=False, server_default=FetchedValue()),
     UniqueConstraint("map_id", "name"),
 )
 
@@ -519,6 +535,21 @@ relation = Table(
     Column("since", STAMP, nullable=False),
 )
 
+pair = Table(
+    "pair",
+    METADATA,
+    _id("pair_id", BigInteger),
+    *(Column(name, Integer, nullable=False) for name in ("map_id", "query_id")),
+    *(Column(f"{side}_id", BigInteger) for side in SIDES),
+    Column("held", Boolean, nullable=False),
+    Column("since", STAMP),
+    Column("inside", Boolean, nullable=False),
+    Column("inside_at", STAMP),
+    *_doubles("distance_m", nullable=True),
+    Column("distance_at", STAMP),
+    UniqueConstraint("query_id", *(f"{side}_id" for side in SIDES), postgresql_nulls_not_distinct=True),
+)
+
 relation_change = Table(
     "relation_change",
     METADATA,
@@ -527,10 +558,7 @@ relation_change = Table(
     Column("map_id", Integer, nullable=False),
     Column("query_id", Integer, nullable=False),
     _text("query_name"),
-    Column("track_id", BigInteger, nullable=False),
-    _text("track_name"),
-    Column("instance_id", BigInteger, nullable=False),
-    _text("instance_name"),
+    *_sides(),
     Column("kind", CHANGE_KIND, nullable=False),
     Column("cause", CHANGE_CAUSE, nullable=False),
     Column("stamp", STAMP, nullable=False),
@@ -538,6 +566,12 @@ relation_change = Table(
     Column("received_at", STAMP, nullable=False),
     Column("edge_at", STAMP, nullable=False),
     *_doubles("x_m", "y_m", nullable=True),
+    _text("direction", nullable=True),
+    Column("door_id", BigInteger),
+    _text("door_name", nullable=True),
+    Column("edge", Integer),
+    _text("amendment", nullable=True),
+    Column("retracts", Uuid),
 )
 
 relation_past = Table(
@@ -545,8 +579,8 @@ relation_past = Table(
     METADATA,
     _id("relation_past_id", BigInteger),
     *(Column(name, Integer, nullable=False) for name in ("map_id", "query_id")),
-    *(Column(name, BigInteger, nullable=False) for name in ("track_id", "instance_id")),
-    *(_text(name) for name in ("query_name", "track_name", "instance_name")),
+    _text("query_name"),
+    *_sides(),
     *(Column(name, STAMP, nullable=False) for name in ("since", "until")),
 )
 
