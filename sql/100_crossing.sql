@@ -8,6 +8,36 @@ return md5(p_query || '|' || p_track || '|' || p_instance || '|' || p_kind || '|
 comment on function semap.change_uid is
   'The identity of a change: a function of what happened, so that a replay gives the same one.';
 
+-- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow on
+-- one another (1 is from the first to the second), and the nearest door of the instance, not further away than a thick
+-- wall. A place that is not on the outline was not crossed at.
+create or replace function semap.crossed_at(
+  p_region_id integer, p_x_m double precision, p_y_m double precision,
+  out edge integer, out door_id bigint, out door_name text
+) language plpgsql stable as $$
+declare
+  v_point        public.geometry := public.st_point(p_x_m, p_y_m);
+  v_instance_id  bigint;
+  v_distance_m   double precision;
+begin
+  select r.instance_id, s.ordinal, public.st_distance(s.geom, v_point) into v_instance_id, edge, v_distance_m
+  from semap.region r, public.st_dumpsegments(r.footprint) with ordinality as s (path, geom, ordinal)
+  where r.region_id = p_region_id and r.predicate in ('contains', 'covers')
+  order by public.st_distance(s.geom, v_point), ordinal limit 1;
+  if v_distance_m is null or v_distance_m > 0.001 then
+    edge := null;
+    return;
+  end if;
+  select i.instance_id, i.name into door_id, door_name
+  from semap.door_room j
+  join semap.instance i on i.instance_id = j.door_id
+  join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = 'Footprint'
+  where j.room_id = v_instance_id and public.st_dwithin(a.geometry, v_point, 0.5)
+  order by public.st_distance(a.geometry, v_point), i.uid limit 1;
+end $$;
+comment on function semap.crossed_at is
+  'Through what a boundary was crossed at a place on it: the number of the edge, and the nearest door of the instance.';
+
 -- Write crossings to relation_change in the order of their stamps, bring relation up to date, and keep what is over in
 -- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no event
 -- time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
@@ -26,21 +56,23 @@ begin
            t.uid as track_uid, t.name as track_name, n.place as relation_place,
            case when c.kind = 'began' then c.edge_at
                 else least(coalesce(lag(c.edge_at) over one_pair, n.since), c.edge_at) end as since,
-           lead(c.kind) over one_pair is null as is_final
+           lead(c.kind) over one_pair is null as is_final, w.edge, w.door_id, w.door_name
     from unnest(p_crossings) with ordinality
       as c (track_id, region_id, kind, cause, stamp, edge_at, x_m, y_m, place)
     cross join lateral (select * from semap.region r where r.region_id = c.region_id offset 0) r
     cross join lateral (select uid, name from semap.track t where t.track_id = c.track_id offset 0) t
     left join lateral (select since, ctid as place from semap.relation n
                        where n.track_id = c.track_id and n.region_id = c.region_id offset 0) n on true
+    left join lateral semap.crossed_at(c.region_id, c.x_m, c.y_m) w on c.x_m is not null and c.cause = 'moved'
     window one_pair as (partition by c.track_id, c.region_id order by c.place)
   ), changed as (
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
-                                       instance_id, instance_name, kind, cause, stamp, edge_at, since, x_m, y_m)
+                                       instance_id, instance_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+                                       edge, door_id, door_name)
     select case when cause = 'map' then gen_random_uuid()
                 else semap.change_uid(query_name, track_uid, instance_uid, kind::text, cause::text, edge_at) end,
            map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp,
-           edge_at, since, x_m, y_m
+           edge_at, since, x_m, y_m, edge, door_id, door_name
     from told
     order by stamp, edge_at, track_name collate "C", track_uid, cause = 'disappeared', kind desc, instance_uid, place
   ), past as (
