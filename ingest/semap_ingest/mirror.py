@@ -152,15 +152,19 @@ def open_mirror(dsn: str) -> tuple[MapMirror, ReplicationStream]:
     """A mirror of the present map, and the stream of everything after it."""
     beginning = begin_at_snapshot(dsn, "mirror")
     mirror = MapMirror()
-    with (
-        connect(dsn, "semap_ingest", application="semap mirror", autocommit=False) as connection,
-        translated(),
-    ):
-        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
-        connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(beginning.snapshot))
-        for table in KEYS:
-            _load(connection, mirror, table)
-    return mirror, start(beginning.connection, beginning.slot, PUBLICATIONS, beginning.lsn)
+    try:
+        with (
+            connect(dsn, "semap_ingest", application="semap mirror", autocommit=False) as connection,
+            translated(),
+        ):
+            connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+            connection.execute(psycopg.sql.SQL("set transaction snapshot {}").format(beginning.snapshot))
+            for table in KEYS:
+                _load(connection, mirror, table)
+        return mirror, start(beginning.connection, beginning.slot, PUBLICATIONS, beginning.lsn)
+    except BaseException:
+        beginning.connection.finish()
+        raise
 
 
 def _load(connection: psycopg.Connection, mirror: MapMirror, table: str) -> None:
