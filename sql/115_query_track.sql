@@ -12,6 +12,7 @@ begin
   from semap.continuous_query q
   join semap.track t on t.map_id = q.map_id
   where (p_query_ids is null or q.query_id = any (p_query_ids)) and (p_track_ids is null or t.track_id = any (p_track_ids))
+    and not q.in_pairs
     and (q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null)
     and (q.subject_concept_id is null or t.concept_id in (select semap.concepts_below(q.subject_concept_id)))
     and (q.subject_uids is null or t.uid = any (q.subject_uids))

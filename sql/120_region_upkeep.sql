@@ -83,7 +83,7 @@ create or replace view semap.region_wanted as
   cross join lateral (select case when q.predicate in ('contains', 'covers', 'within_distance', 'on') then a.geometry
                                   else semap.predicate_shape(q.predicate, a.geometry, i.frame_id, q.distance_m) end) s (shape)
   cross join lateral (select semap.grown(s.shape, coalesce(q.by_m, 0))) f (footprint)
-  where q.enabled
+  where q.enabled and not q.in_pairs
     and (q.object_uids is null or i.uid = any (q.object_uids))
     and (q.object_where is null or semap.condition_holds(
            q.object_where, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
@@ -275,6 +275,12 @@ comment on function semap.refresh_regions is
 create or replace function semap.abstraction_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
+  if tg_op <> 'DELETE' then
+    perform semap.refresh_pairs_of(array_agg(distinct instance_id)) from new_row where instance_id is not null;
+  end if;
+  if tg_op <> 'INSERT' then
+    perform semap.refresh_pairs_of(array_agg(distinct instance_id)) from old_row where instance_id is not null;
+  end if;
   if tg_op = 'INSERT' then
     perform semap.refresh_regions(array_agg(i.instance_id)) from semap.instance i
     where i.absolute_description_id in (select description_id from new_row where type = 'Footprint');
@@ -304,8 +310,10 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   if tg_op = 'DELETE' then
     perform semap.refresh_regions(array_agg(instance_id)) from old_row;
+    perform semap.refresh_pairs_of(array_agg(instance_id)) from old_row;
   else
     perform semap.refresh_regions(array_agg(instance_id)) from new_row;
+    perform semap.refresh_pairs_of(array_agg(instance_id)) from new_row;
   end if;
   return null;
 end $$;
@@ -333,6 +341,8 @@ begin
     from semap.region_wanted w left join semap.region r using (query_id, instance_id)
     where r.instance_id is null
   ) differing;
+  perform semap.refresh_pairs(array_agg(query_id), null) from semap.continuous_query
+  where in_pairs and enabled and (subject_concept_id is not null or object_concept_id is not null);
   return null;
 end $$;
 comment on function semap.concepts_moved is
@@ -356,6 +366,17 @@ begin
   perform semap.refresh_regions(array_agg(distinct instance_id))
   from (select instance_id from semap.region where query_id = any (v_query_ids)
         union all select instance_id from semap.region_wanted where query_id = any (v_query_ids)) i;
+  if tg_op = 'UPDATE' then
+    -- one that has only another name asks what it asked
+    perform semap.refresh_pairs(array_agg(query_id), null, is_other)
+    from (select n.query_id, not (n.enabled and o.enabled
+                                  and to_jsonb(n) - '{name,payload,sql}'::text[] = to_jsonb(o) - '{name,payload,sql}'::text[]) as is_other
+          from new_query n join old_query o using (query_id) where n.in_pairs or o.in_pairs) q
+    group by is_other;
+  elsif exists (select from semap.pair_side where query_id = any (v_query_ids))
+     or exists (select from semap.pair_member where query_id = any (v_query_ids)) then
+    perform semap.refresh_pairs(v_query_ids, null, true);
+  end if;
   return null;
 end $$;
 comment on function semap.queries_changed is
@@ -364,7 +385,7 @@ comment on function semap.queries_changed is
 create or replace trigger continuous_query_inserted after insert on semap.continuous_query
   referencing new table as new_query for each statement execute function semap.queries_changed();
 create or replace trigger continuous_query_updated after update on semap.continuous_query
-  referencing new table as new_query for each statement execute function semap.queries_changed();
+  referencing old table as old_query new table as new_query for each statement execute function semap.queries_changed();
 create or replace trigger continuous_query_deleted after delete on semap.continuous_query
   referencing old table as old_query for each statement execute function semap.queries_changed();
 
@@ -374,6 +395,8 @@ create or replace function semap.map_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where map_id in (select map_id from old_map);
+  delete from semap.pair where map_id in (select map_id from old_map);
+  delete from semap.pair_member where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
   delete from semap.relation_past where map_id in (select map_id from old_map);
   delete from semap.region where map_id in (select map_id from old_map);

@@ -27,6 +27,8 @@ declare
   v_source_ids  integer[];
   v_crossings   semap.crossing[];
 begin
+  perform semap.redescribe_tracks(array_agg(n.track_id)) from new_track n join old_track o using (track_id)
+  where (n.name, n.concept_id, n.attributes) is distinct from (o.name, o.concept_id, o.attributes);
   select array_agg(n.track_id) into v_ended
   from new_track n join old_track o using (track_id)
   where n.ended_at is not null and n.ended_at is distinct from o.ended_at;
@@ -51,6 +53,7 @@ begin
   where n.track_id = any (v_ended);
   perform semap.record_crossings(v_crossings);
   delete from semap.verge where track_id = any (v_ended);
+  perform semap.part_ended(v_ended);
 
   update semap.track_now t
   set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity', calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
@@ -80,6 +83,9 @@ begin
     join semap.track_now t using (track_id)
     where n.track_id = old.track_id
     order by r.instance_uid, r.query_id;
+    if exists (select from semap.pair_member where key = old.track_id) then
+      perform semap.part_pairs(null, array[old.track_id], null, null, 'map');
+    end if;
   end if;
   return old;
 end $$;
@@ -102,6 +108,9 @@ begin
   delete from semap.relation where track_id in (select track_id from old_track);
   delete from semap.relation_change where track_id in (select track_id from old_track);
   delete from semap.relation_past where track_id in (select track_id from old_track);
+  delete from semap.relation_past where object_track_id in (select track_id from old_track);
+  delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
+  delete from semap.pair_member where key in (select track_id from old_track);
   select min(n.first_stamp), greatest(max(n.stamp), max(n.outlier_stamp), max(c.frame_stamp)) into v_first, v_last
   from semap.track_now n left join semap.source_count c using (source_id)
   where n.track_id in (select track_id from old_track);

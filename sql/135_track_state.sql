@@ -5,7 +5,7 @@
 -- Where tracks are is written late, where that saves most of the work: a *frame* is a batch that holds each live track
 -- of its source once, all at one stamp. While one large frame follows another, `track_now` is written once a second of
 -- event time for tracks that are calm. Meanwhile a live track was seen last at the later one of `track_now.stamp` and
--- `source_count.frame_stamp`. A map with queries about the way between samples wants all places at once.
+-- `source_count.frame_stamp`. A map with queries about the way between samples, or about pairs, wants all places at once.
 
 create or replace function semap.track_state_inserted() returns trigger
 language plpgsql security definer
@@ -33,6 +33,9 @@ declare
   v_arrivals    semap.arrival[];
   v_passed      semap.arrival[];
   v_crossings   semap.crossing[];
+  v_in_pairs    boolean;
+  v_moves       semap.arrival[];
+  v_looked_up   bigint[] := '{}';
 begin
   select t.source_id, t.map_id, t.cell_m into v_source_id, v_map_id, v_cell_m
   from (select track_id from new_state limit 1) n join semap.track_now t using (track_id);
@@ -40,6 +43,13 @@ begin
   perform semap.hold_source(v_source_id);
   select * into v_count from semap.source_count where source_id = v_source_id;
   v_count.frame_stamp := coalesce(v_count.frame_stamp, '-infinity');
+  v_in_pairs := exists (select from semap.continuous_query where map_id = v_map_id and in_pairs and enabled);
+  if v_in_pairs then
+    perform semap.hold_pairs(v_map_id);
+    -- a state that is calm to all regions moves its track in pairs
+    select array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) into v_moves
+    from new_state n join semap.track_now t using (track_id) where t.source_id = v_source_id;
+  end if;
 
   select count(*), count(distinct n.track_id), min(n.stamp), max(n.stamp),
          array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
@@ -61,6 +71,7 @@ begin
   v_is_whole := v_first = v_last and v_tracks = v_states;
   if v_arrivals is not null then
     select * into v_source from semap.source where source_id = v_source_id;
+    v_looked_up := array(select distinct track_id from unnest(v_arrivals) where v_in_pairs);
     select count(*) filter (where source_id is null or source_id <> v_source_id),
            count(*) filter (where stamp <= seen_stamp),
            count(distinct track_id) filter (where not live and stamp > seen_stamp),
@@ -102,18 +113,23 @@ begin
       v_crossings := v_crossings || semap.follow_carefully(v_passed);
     end if;
     perform semap.record_crossings(v_crossings);
-    if v_appeared > 0 then
-      update semap.track k set ended_at = null
-      where k.ended_at is not null and k.track_id in (select track_id from unnest(v_passed) where not live);
-    end if;
-    if v_ended > 0 then
-      update semap.track k set ended_at = a.stamp
-      from unnest(v_passed) a join semap.track_now t using (track_id)
-      where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
-    end if;
   end if;
 
-  if v_is_whole and v_late = 0 and v_states > c_large and v_states = v_count.frame_tracks + v_appeared
+  if v_in_pairs then
+    perform semap.compare_pairs(v_map_id, array(
+      select a from unnest(v_moves) a where a.track_id <> all (v_looked_up)) || v_passed);
+  end if;
+  if v_appeared > 0 then
+    update semap.track k set ended_at = null
+    where k.ended_at is not null and k.track_id in (select track_id from unnest(v_passed) where not live);
+  end if;
+  if v_ended > 0 then
+    update semap.track k set ended_at = a.stamp
+    from unnest(v_passed) a join semap.track_now t using (track_id)
+    where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
+  end if;
+
+  if v_is_whole and not v_in_pairs and v_late = 0 and v_states > c_large and v_states = v_count.frame_tracks + v_appeared
      and v_last < v_count.placed_stamp + interval '1 second' and semap.may_place_late(v_source_id, v_map_id, v_cell_m) then
     update semap.source_count
     set track_states = track_states + v_states, received_at = clock_timestamp(),

@@ -52,17 +52,71 @@ QUERY = (
       inside_at            timestamptz,
       distance_m           double precision,
       distance_at          timestamptz,
-      unique nulls not distinct (query_id, track_id, subject_instance_id, instance_id, object_track_id),
+      subject_key          bigint not null
+        generated always as (coalesce(track_id, -subject_instance_id)) stored,
+      object_key           bigint not null
+        generated always as (coalesce(object_track_id, -instance_id)) stored,
+      unique (query_id, subject_key, object_key),
       check (num_nonnulls(track_id, subject_instance_id) = 1),
       check (num_nonnulls(instance_id, object_track_id) = 1),
       check (held = (since is not null))
     )
     """,
-    "create index pair_track on semap.pair (track_id) where track_id is not null",
-    "create index pair_object_track on semap.pair (object_track_id) where object_track_id is not null",
-    "create index pair_instance on semap.pair (instance_id) where instance_id is not null",
-    "create index pair_subject_instance on semap.pair (subject_instance_id)"
-    " where subject_instance_id is not null",
+    "create index pair_subject on semap.pair (subject_key)",
+    "create index pair_object on semap.pair (object_key)",
+    "create index continuous_query_in_pairs on semap.continuous_query (map_id) where in_pairs",
+    # who takes part in a query, on which side, and where it is; boxes of tracks are wider, so that a step
+    # within one leaves the index alone
+    """
+    create table semap.pair_member (
+      key          bigint not null generated always as (coalesce(track_id, -instance_id)) stored,
+      query_id     integer not null,
+      is_object    boolean not null,
+      map_id       integer not null,
+      query_name   text not null,
+      track_id     bigint,
+      instance_id  bigint,
+      uid          uuid not null,
+      name         text not null,
+      stamp        timestamptz,
+      place        public.geometry,
+      shape        public.geometry,
+      box          public.geometry,
+      z_min_m      double precision,
+      z_max_m      double precision,
+      yaw_rad      double precision,
+      primary key (key, query_id, is_object),
+      check (num_nonnulls(track_id, instance_id) = 1)
+    ) with (fillfactor = 50)
+    """,
+    "create index pair_member_query on semap.pair_member (query_id, is_object)",
+    "create index pair_member_box on semap.pair_member using gist (box public.gist_geometry_ops_nd)",
+    # a change of a pair as it is found, before it is written
+    """
+    create type semap.pair_change as (
+      query_id integer, subject_key bigint, object_key bigint, kind text, cause semap.change_cause,
+      stamp timestamptz, edge_at timestamptz, since timestamptz,
+      x_m double precision, y_m double precision, direction text
+    )
+    """,
+    # lines that are drawn, to be crossed
+    """
+    alter table semap.abstraction
+      drop constraint abstraction_is_of_its_type,
+      add constraint abstraction_is_of_its_type
+        check (case
+                 when type in ('Footprint', 'FootprintHull', 'FootprintBox', 'AxisAligned2D')
+                   then geometrytype(geometry) in ('POLYGON', 'MULTIPOLYGON')
+                        and not st_isempty(geometry) and st_isvalid(geometry)
+                 when type = 'Line' then geometrytype(geometry) in ('LINESTRING', 'MULTILINESTRING')
+                   and st_zmflag(geometry) = 0 and not st_isempty(geometry) and st_length(geometry) > 0
+                 when type = 'Position2D' then geometrytype(geometry) = 'POINT' and st_zmflag(geometry) = 0
+                 when type = 'Position3D' then geometrytype(geometry) = 'POINT' and st_zmflag(geometry) = 2
+                 when type in ('AxisAligned3D', 'BoundingBox', 'BoundingHull')
+                   then geometrytype(geometry) = 'TIN'
+                 else false
+               end)
+    """,
 )
 CHANGE = (
     "alter type semap.change_kind add value 'crossed'",
@@ -101,6 +155,8 @@ CHANGE = (
       add check (num_nonnulls(track_id, subject_instance_id) = 1),
       add check (num_nonnulls(instance_id, object_track_id) = 1)
     """,
+    "create index relation_past_object_track on semap.relation_past (object_track_id)"
+    " where object_track_id is not null",
 )
 
 

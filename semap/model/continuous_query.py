@@ -29,6 +29,10 @@ Predicate = Literal[
     "approaching",  # the distance from the subject to the object falls by `speed_mps` or more
 ]
 Kind = Literal["track", "instance"]
+Direction = Literal["left_to_right", "right_to_left"]
+
+OF_PAIRS = ("intersects", "nearest", "crosses", "facing", "approaching")
+"""Predicates that ask more than where a track is."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,7 @@ class Declaration:
     count           of nearest
     angle_rad       of facing
     speed_mps       of approaching
+    direction       of crosses: only this one, seen along the line; into an area is "right_to_left"
     abstraction     which abstraction of instances is compared; tracks are where their position is
     dimensions      3: heights count, too
     between_samples None: relations follow the samples alone
@@ -115,12 +120,18 @@ class Declaration:
     count: int | None = None
     angle_rad: float | None = None
     speed_mps: float | None = None
+    direction: Direction | None = None
     abstraction: str = "Footprint"
     dimensions: Literal[2, 3] = 3
     debounce: Debounce = field(default_factory=Debounce)
     certainty: Certainty | None = None
     between_samples: BetweenSamples | None = None
     payload: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def in_pairs(self) -> bool:
+        """Whether it is kept pair by pair: regions answer only where a track is to an instance."""
+        return (self.subject.kind, self.object.kind) != ("track", "instance") or self.predicate in OF_PAIRS
 
 
 PARTS = {"debounce": Debounce, "certainty": Certainty, "between_samples": BetweenSamples}
@@ -138,6 +149,7 @@ def options_of(declaration: Declaration) -> Mapping[str, object]:
             continue
         if isinstance(value, Side):
             value = {
+                "kind": None if value.kind == getattr(plain, each.name).kind else value.kind,
                 "concept": None if each.name == "object" else value.concept,
                 "uids": None if value.uids is None else [str(uid) for uid in value.uids],
                 "where": None if value.where is None else dict(value.where),
@@ -165,7 +177,7 @@ def declared(name: str, predicate: str, concept: str | None, options: Mapping[st
             given = dict(said.pop(side, {}))
             uids = given.pop("uids", None)
             said[side] = Side(
-                kind=kind_of,  # type: ignore[arg-type]
+                kind=given.pop("kind", kind_of),
                 concept=given.pop("concept", concept if side == "object" else None),
                 uids=None if uids is None else tuple(UUID(uid) for uid in uids),
                 where=given.pop("where", None),

@@ -13,16 +13,24 @@ from sqlalchemy.dialects.postgresql import JSONB
 from semap.cql2 import parse
 from semap.cql2.text import read_text
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, Declaration, Kind, Side
+from semap.model.continuous_query import (
+    BetweenSamples,
+    Certainty,
+    Debounce,
+    Declaration,
+    Kind,
+    Predicate,
+    Side,
+)
 from semap.store.concept import concept_id
 from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
-Kept = Literal["contains", "covers", "within_distance", "on", "in_front_of", "behind", "left_of", "right_of"]
-"""Predicates that can be kept true."""
-Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D"]
-"""Abstractions that have an area seen from above, or get one by a distance."""
+Kept = Predicate
+"""Predicates that can be kept true: all there are."""
+Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D", "Line"]
+"""Abstractions that can be compared as they are seen from above."""
 
 KEPT: tuple[str, ...] = get_args(Kept)
 FLAT: tuple[str, ...] = get_args(Flat)
@@ -32,7 +40,25 @@ ASKED_OF: Mapping[Kind, list[str]] = {
 }
 """What a condition may ask."""
 
-NEED_DISTANCE = ("within_distance", "in_front_of", "behind", "left_of", "right_of")
+NEED_DISTANCE = ("within_distance", "in_front_of", "behind", "left_of", "right_of", "approaching")
+MAY_HAVE_DISTANCE = (*NEED_DISTANCE, "nearest", "facing")
+NEEDS: Mapping[str, tuple[str, str]] = {
+    "nearest": ("count", "how many"),
+    "facing": ("angle_rad", "the angle [rad] to either side"),
+    "approaching": ("speed_mps", "how fast [m/s]"),
+}
+"""What a predicate cannot do without and no other takes."""
+HAVE_MARGINS = (
+    "contains",
+    "covers",
+    "intersects",
+    "within_distance",
+    "in_front_of",
+    "behind",
+    "left_of",
+    "right_of",
+)
+"""Predicates of pairs that have a boundary in metres."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +204,10 @@ def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str,
         **_side(connection, "object", declaration.object),
         **_side(connection, "subject", declaration.subject),
         "distance_m": declaration.distance_m,
+        "count": declaration.count,
+        "angle_rad": declaration.angle_rad,
+        "speed_mps": declaration.speed_mps,
+        "direction": declaration.direction,
         "abstraction": declaration.abstraction,
         "dimensions": declaration.dimensions,
         "enter_margin_m": declaration.debounce.enter_margin_m,
@@ -199,23 +229,81 @@ def _check(declaration: Declaration) -> None:
         raise InvalidInput(
             f"the predicate {declaration.predicate} cannot be kept true", f"Use one of {', '.join(KEPT)}."
         )
-    if (declaration.subject.kind, declaration.object.kind) != ("track", "instance"):
-        raise InvalidInput(
-            "only relations of tracks to instances can be kept true",
-            "Let the subject be tracks and the object instances.",
-        )
     if declaration.abstraction not in FLAT:
         raise InvalidInput(
             f"tracks cannot be compared with the abstraction {declaration.abstraction}",
             f"Use one of {', '.join(FLAT)}.",
         )
-    needs_distance = declaration.predicate in NEED_DISTANCE
-    if needs_distance and declaration.distance_m is None:
+    if declaration.abstraction == "Line" and declaration.predicate != "crosses":
+        raise InvalidInput("only crosses compares lines", "Use the abstraction Footprint.")
+    _check_parameters(declaration)
+    _check_sides(declaration)
+    if declaration.in_pairs:
+        _check_edges_of_pairs(declaration)
+
+
+def _check_parameters(declaration: Declaration) -> None:
+    """raises InvalidInput"""
+    predicate = declaration.predicate
+    if predicate in NEED_DISTANCE and declaration.distance_m is None:
         raise InvalidInput(
-            f"{declaration.predicate} needs a distance", "Say how far it reaches [m]: --distance, distance_m."
+            f"{predicate} needs a distance", "Say how far it reaches [m]: --distance, distance_m."
         )
-    if declaration.distance_m is not None and not needs_distance:
-        raise InvalidInput(f"{declaration.predicate} takes no distance", "Leave it out.")
+    if declaration.distance_m is not None and predicate not in MAY_HAVE_DISTANCE:
+        raise InvalidInput(f"{predicate} takes no distance", "Leave it out.")
+    for of, (name, what) in NEEDS.items():
+        given = getattr(declaration, name)
+        if predicate == of and given is None:
+            raise InvalidInput(f"{predicate} needs {name}", f"Say {what}: {name}.")
+        if predicate != of and given is not None:
+            raise InvalidInput(f"{predicate} takes no {name}, which is of {of}", "Leave it out.")
+    if declaration.direction is not None and predicate != "crosses":
+        raise InvalidInput(f"{predicate} takes no direction, which is of crosses", "Leave it out.")
+
+
+def _check_sides(declaration: Declaration) -> None:
+    """Whether the predicate means something between these; raises InvalidInput."""
+    subject, object_ = declaration.subject.kind, declaration.object.kind
+    if declaration.predicate == "crosses" and (subject, object_) != ("track", "instance"):
+        raise InvalidInput(
+            "only tracks cross, and only what stands still is crossed",
+            "Let the subject be tracks and the object instances.",
+        )
+    if declaration.predicate == "approaching" and "track" not in (subject, object_):
+        raise InvalidInput(
+            "of two instances neither approaches: they move when the map is edited",
+            "Let one side be tracks, or use within_distance.",
+        )
+    if declaration.predicate == "on" and object_ == "track":
+        raise InvalidInput(
+            "nothing stands on a track, whose top is not known",
+            "Let the object be instances, or use within_distance or intersects.",
+        )
+
+
+def _check_edges_of_pairs(declaration: Declaration) -> None:
+    """raises InvalidInput"""
+    predicate, debounce = declaration.predicate, declaration.debounce
+    if declaration.certainty is not None:
+        raise InvalidInput(
+            "a probability is that of a position to lie in a fixed area, which a pair has not",
+            "Leave certainty out, or use debounce.",
+        )
+    if declaration.between_samples is not None and predicate != "crosses":
+        raise InvalidInput(
+            "both sides of a pair may move between two samples, so that no straight way says when they met",
+            "Leave between_samples out.",
+        )
+    if predicate not in HAVE_MARGINS and (debounce.enter_margin_m or debounce.leave_margin_m):
+        raise InvalidInput(
+            f"{predicate} has no boundary in metres that a margin could be beside",
+            "Leave the margins out." if predicate == "crosses" else "Use times to confirm instead.",
+        )
+    if predicate == "crosses" and (debounce.enter_confirm_s or debounce.leave_confirm_s):
+        raise InvalidInput(
+            "a crossing is a moment, which lasts for no time that could be confirmed",
+            "Leave the times to confirm out.",
+        )
 
 
 def read_condition(where: str | Mapping[str, object], place: str = "where") -> Mapping[str, object]:
@@ -240,6 +328,7 @@ def _check_condition(connection: Connection, where: Mapping[str, object], names:
 
 def _side(connection: Connection, name: str, side: Side) -> Mapping[str, object]:
     return {
+        f"{name}_kind": side.kind,
         f"{name}_concept_id": None if side.concept is None else concept_id(connection, side.concept),
         f"{name}_uids": None if side.uids is None else list(side.uids),
         f"{name}_where": None if side.where is None else dict(side.where),
@@ -259,9 +348,13 @@ def _declaration(columns: Mapping[str, Any]) -> Declaration:
     return Declaration(
         name=columns["name"],
         predicate=columns["predicate"],
-        subject=_read_side("track", "subject", columns),
-        object=_read_side("instance", "object", columns),
+        subject=_read_side("subject", columns),
+        object=_read_side("object", columns),
         distance_m=columns["distance_m"],
+        count=columns["count"],
+        angle_rad=columns["angle_rad"],
+        speed_mps=columns["speed_mps"],
+        direction=columns["direction"],
         abstraction=columns["abstraction"],
         dimensions=columns["dimensions"],
         debounce=Debounce(
@@ -276,10 +369,13 @@ def _declaration(columns: Mapping[str, Any]) -> Declaration:
     )
 
 
-def _read_side(kind: Kind, name: str, columns: Mapping[str, Any]) -> Side:
+def _read_side(name: str, columns: Mapping[str, Any]) -> Side:
     uids = columns[f"{name}_uids"]
     return Side(
-        kind, columns[f"{name}_concept"], None if uids is None else tuple(uids), columns[f"{name}_where"]
+        columns[f"{name}_kind"],
+        columns[f"{name}_concept"],
+        None if uids is None else tuple(uids),
+        columns[f"{name}_where"],
     )
 
 

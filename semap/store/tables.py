@@ -547,7 +547,27 @@ pair = Table(
     Column("inside_at", STAMP),
     *_doubles("distance_m", nullable=True),
     Column("distance_at", STAMP),
-    UniqueConstraint("query_id", *(f"{side}_id" for side in SIDES), postgresql_nulls_not_distinct=True),
+    *(
+        Column(f"{side}_key", BigInteger, nullable=False, server_default=FetchedValue())
+        for side in ("subject", "object")
+    ),
+    UniqueConstraint("query_id", "subject_key", "object_key"),
+)
+
+pair_member = Table(
+    "pair_member",
+    METADATA,
+    Column("key", BigInteger, primary_key=True, autoincrement=False, server_default=FetchedValue()),
+    Column("query_id", Integer, primary_key=True, autoincrement=False),
+    Column("is_object", Boolean, primary_key=True),
+    Column("map_id", Integer, nullable=False),
+    _text("query_name"),
+    *(Column(f"{thing}_id", BigInteger) for thing in ("track", "instance")),
+    Column("uid", Uuid, nullable=False),
+    _text("name"),
+    Column("stamp", STAMP),
+    *(_shape(name, nullable=True) for name in ("place", "shape", "box")),
+    *_doubles("z_min_m", "z_max_m", "yaw_rad", nullable=True),
 )
 
 relation_change = Table(

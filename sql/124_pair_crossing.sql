@@ -1,0 +1,204 @@
+-- Lines that are crossed. A line has two sides along its direction; whoever comes to it from one of them and goes on to
+-- the other has crossed it, there and then. Whoever only touches it, walks along it and comes back, or passes through its
+-- very end has not. A state exactly on the line belongs to the side that it came from, which the pair remembers: `inside`
+-- is the left one.
+
+-- To which side of a path a direction points at a corner of it: true is left; null along the path and where it turns back
+-- on itself. `back` leads to the corner before, `on` to the next one.
+create or replace function semap.points_left(
+  p_back_x double precision, p_back_y double precision, p_on_x double precision, p_on_y double precision,
+  p_x double precision, p_y double precision
+) returns boolean
+language plpgsql immutable parallel safe as $$
+declare
+  v_on    double precision := p_on_x * p_y - p_on_y * p_x;
+  v_back  double precision := p_x * p_back_y - p_y * p_back_x;
+  v_turn  double precision := p_on_x * p_back_y - p_on_y * p_back_x;
+begin
+  if v_on = 0 and p_on_x * p_x + p_on_y * p_y > 0 or v_back = 0 and p_back_x * p_x + p_back_y * p_y > 0 then
+    return null;
+  elsif v_turn > 0 then
+    return v_on > 0 and v_back > 0;
+  elsif v_turn < 0 then
+    return not (v_on < 0 and v_back < 0);
+  end if;
+  return case when p_on_x * p_back_x + p_on_y * p_back_y < 0 then v_on > 0 end;
+end $$;
+comment on function semap.points_left is
+  'To which side of a path a direction points at a corner of it: true is left; null along the path.';
+
+-- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves it
+-- (null: along the line, or no side). Parts of the way in [0, 1].
+create or replace function semap.way_meets(
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision
+) returns table (part double precision, comes_along boolean, comes_from_left boolean, goes_along boolean, goes_to_left boolean)
+language plpgsql immutable parallel safe as $$
+declare
+  v_line     public.geometry;
+  v_x        double precision[];
+  v_y        double precision[];
+  v_way_x    double precision := p_x2_m - p_x1_m;
+  v_way_y    double precision := p_y2_m - p_y1_m;
+  v_corners  integer;
+  v_is_ring  boolean;
+  v_from     double precision;
+  v_to       double precision;
+  v_before   integer;
+  v_after    integer;
+begin
+  for v_line in select (public.st_dump(public.st_removerepeatedpoints(p_lines))).geom loop
+    select array_agg(public.st_x(geom) order by path), array_agg(public.st_y(geom) order by path) into v_x, v_y
+    from public.st_dumppoints(v_line);
+    v_corners := cardinality(v_x);
+    v_is_ring := v_corners > 2 and v_x[1] = v_x[v_corners] and v_y[1] = v_y[v_corners];
+    for i in 1 .. v_corners loop
+      -- a corner that lies on the way
+      if v_way_x * (v_y[i] - p_y1_m) - v_way_y * (v_x[i] - p_x1_m) = 0 and not (v_is_ring and i = v_corners) then
+        part := (v_way_x * (v_x[i] - p_x1_m) + v_way_y * (v_y[i] - p_y1_m)) / (v_way_x * v_way_x + v_way_y * v_way_y);
+        v_before := case when i > 1 then i - 1 when v_is_ring then v_corners - 1 end;
+        v_after := case when i < v_corners then i + 1 end;
+        if part between 0 and 1 then
+          comes_along := false;
+          goes_along := false;
+          comes_from_left := semap.points_left(v_x[v_before] - v_x[i], v_y[v_before] - v_y[i],
+                                               v_x[v_after] - v_x[i], v_y[v_after] - v_y[i], -v_way_x, -v_way_y);
+          goes_to_left := semap.points_left(v_x[v_before] - v_x[i], v_y[v_before] - v_y[i],
+                                            v_x[v_after] - v_x[i], v_y[v_after] - v_y[i], v_way_x, v_way_y);
+          foreach v_before in array array_remove(array[v_before, v_after], null) loop
+            if v_way_x * (v_y[v_before] - v_y[i]) - v_way_y * (v_x[v_before] - v_x[i]) = 0 then
+              if v_way_x * (v_x[v_before] - v_x[i]) + v_way_y * (v_y[v_before] - v_y[i]) > 0 then
+                goes_along := true;
+              else
+                comes_along := true;
+              end if;
+            end if;
+          end loop;
+          return next;
+        end if;
+      end if;
+      -- an edge that the way meets between its corners
+      if i < v_corners then
+        v_from := v_way_x * (v_y[i] - p_y1_m) - v_way_y * (v_x[i] - p_x1_m);
+        v_to := v_way_x * (v_y[i + 1] - p_y1_m) - v_way_y * (v_x[i + 1] - p_x1_m);
+        if v_from < 0 and v_to > 0 or v_from > 0 and v_to < 0 then
+          comes_along := false;
+          goes_along := false;
+          comes_from_left := v_from < 0;
+          goes_to_left := v_from > 0;
+          v_from := (v_x[i + 1] - v_x[i]) * (p_y1_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x1_m - v_x[i]);
+          v_to := (v_x[i + 1] - v_x[i]) * (p_y2_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x2_m - v_x[i]);
+          part := v_from / (v_from - v_to);
+          if v_from >= 0 and v_to <= 0 or v_from <= 0 and v_to >= 0 then
+            return next;
+          end if;
+        elsif v_from = 0 and v_to = 0 then
+          -- the way may begin or end within an edge that it runs along
+          for v_before in 0 .. 1 loop
+            part := v_before;
+            v_from := (p_x1_m + part * v_way_x - v_x[i]) * (v_x[i + 1] - v_x[i])
+                    + (p_y1_m + part * v_way_y - v_y[i]) * (v_y[i + 1] - v_y[i]);
+            if v_from > 0 and v_from < (v_x[i + 1] - v_x[i]) ^ 2 + (v_y[i + 1] - v_y[i]) ^ 2 then
+              comes_along := true;
+              goes_along := true;
+              comes_from_left := null;
+              goes_to_left := null;
+              return next;
+            end if;
+          end loop;
+        end if;
+      end if;
+    end loop;
+  end loop;
+end $$;
+comment on function semap.way_meets is
+  'Where a straight way meets lines, with the side from which it comes and the one on which it leaves.';
+
+-- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.
+-- p_came_from_left: of its start, if that is on a line.
+create or replace function semap.way_across(
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision,
+  p_came_from_left boolean, out parts double precision[], out from_left boolean[], out came_from_left boolean
+) language plpgsql immutable parallel safe as $$
+declare
+  v_meets  record;
+begin
+  came_from_left := p_came_from_left;
+  if p_x1_m = p_x2_m and p_y1_m = p_y2_m then
+    return;
+  end if;
+  for v_meets in
+    select * from semap.way_meets(p_lines, p_x1_m, p_y1_m, p_x2_m, p_y2_m) order by part
+  loop
+    if v_meets.part > 0 and not v_meets.comes_along then
+      came_from_left := v_meets.comes_from_left;
+    end if;
+    if v_meets.part < 1 and not v_meets.goes_along then
+      if came_from_left <> v_meets.goes_to_left then
+        parts := parts || v_meets.part;
+        from_left := from_left || came_from_left;
+      end if;
+      came_from_left := null;
+    end if;
+  end loop;
+  if v_meets.part is null or v_meets.part < 1 then
+    came_from_left := null;
+  end if;
+end $$;
+comment on function semap.way_across is
+  'Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.';
+
+-- The crossings of lines by these states, each of another track, whose members are still where they were before.
+create or replace function semap.cross_lines(p_query_ids integer[], p_states semap.arrival[]) returns semap.pair_change[]
+language plpgsql
+set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
+declare
+  v_changes  semap.pair_change[];
+begin
+  with way as materialized (
+    select m.key, m.query_id, m.map_id, m.stamp as from_stamp, st_x(m.place) as x1_m, st_y(m.place) as y1_m, m.z_min_m as z1_m,
+           a.stamp, a.x_m as x2_m, a.y_m as y2_m, a.z_m as z2_m, q.dimensions, q.direction,
+           a.stamp <= m.stamp + coalesce(q.longest_gap, '30 s')
+           and sqrt((a.x_m - st_x(m.place)) ^ 2 + (a.y_m - st_y(m.place)) ^ 2)
+               <= coalesce(q.fastest_mps, 30) * extract(epoch from a.stamp - m.stamp) as is_way
+    from unnest(p_states) a
+    join semap.pair_member m on m.key = a.track_id and m.query_id = any (p_query_ids) and not m.is_object
+    cross join lateral (select * from semap.continuous_query c where c.query_id = m.query_id offset 0) q
+  ), met as materialized (
+    select w.*, o.key as object_key, o.z_min_m, o.z_max_m, c.*
+    from way w
+    cross join lateral (
+      select * from semap.pair_member o
+      where o.query_id = w.query_id and o.is_object
+        and o.box &&& semap.pair_box(least(x1_m, x2_m), least(y1_m, y2_m), greatest(x1_m, x2_m), greatest(y1_m, y2_m),
+                                     w.query_id, true) offset 0) o
+    left join semap.pair p on p.query_id = w.query_id and p.subject_key = w.key and p.object_key = o.key
+    cross join lateral semap.way_across(o.shape, x1_m, y1_m, x2_m, y2_m, p.inside) c
+    where w.is_way
+  ), kept as (
+    insert into semap.pair as p (map_id, query_id, track_id, instance_id, held, inside)
+    select map_id, query_id, key, -object_key, false, came_from_left from met where came_from_left is not null
+    on conflict (query_id, subject_key, object_key) do update set inside = excluded.inside
+    where p.inside <> excluded.inside
+  ), forgotten as (
+    delete from semap.pair p using way w
+    where p.query_id = w.query_id and p.subject_key = w.key
+      and not exists (select from met m where m.query_id = p.query_id and m.key = p.subject_key
+                                          and m.object_key = p.object_key and m.came_from_left is not null)
+  ), crossed as (
+    select m.query_id, m.key, m.object_key, m.stamp,
+           from_stamp + make_interval(secs => part * extract(epoch from stamp - from_stamp)) as at,
+           x1_m + part * (x2_m - x1_m) as x_m, y1_m + part * (y2_m - y1_m) as y_m,
+           case when is_left then 'left_to_right' else 'right_to_left' end as way
+    from met m
+    cross join lateral unnest(m.parts, m.from_left) with ordinality c (part, is_left, place)
+    where (m.direction is null or m.direction = case when is_left then 'left_to_right' else 'right_to_left' end)
+      and (m.dimensions = 2 or (z1_m + part * (z2_m - z1_m) >= m.z_min_m
+                                and z1_m + part * (z2_m - z1_m) < m.z_max_m) is not false)
+    order by m.query_id, m.key, m.object_key, part, place
+  )
+  select array_agg(row(query_id, key, object_key, 'crossed', 'moved', stamp, at, at, x_m, y_m, way)::semap.pair_change)
+  into v_changes from crossed;
+  return v_changes;
+end $$;
+comment on function semap.cross_lines is
+  'The crossings of lines by these states, each of another track, whose members are still where they were before.';

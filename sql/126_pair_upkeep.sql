@@ -1,0 +1,186 @@
+-- Pairs follow the map, the queries, and who is on it.
+
+-- Part whoever takes part in these queries no more: of these things or (null) of all.
+create or replace function semap.let_members_go(p_query_ids integer[], p_keys bigint[]) returns void
+language plpgsql as $$
+declare
+  v_gone  record;
+begin
+  for v_gone in
+    select m.query_id, m.is_object, array_agg(m.key) as keys
+    from semap.pair_member m
+    where m.query_id = any (p_query_ids) and (p_keys is null or m.key = any (p_keys))
+      and not exists (select from semap.pair_instance_wanted w
+                      where w.query_id = m.query_id and w.is_object = m.is_object and w.instance_id = m.instance_id)
+      and not exists (select from semap.pair_track_wanted w join semap.track_now n using (track_id)
+                      where w.query_id = m.query_id and w.is_object = m.is_object and w.track_id = m.track_id and n.live)
+    group by m.query_id, m.is_object order by m.query_id, m.is_object
+  loop
+    perform semap.part_pairs(array[v_gone.query_id], v_gone.keys, v_gone.is_object, null, 'map');
+  end loop;
+end $$;
+comment on function semap.let_members_go is
+  'Part whoever takes part in these queries no more.';
+
+-- Put the instances that take part in these queries where they are, of these things or (null) of all, and tell which are
+-- not what they were. What rests on what depends on more than outlines, and is taken as changed.
+create or replace function semap.place_instance_members(p_query_ids integer[], p_keys bigint[]) returns bigint[]
+language plpgsql as $$
+declare
+  v_changed  bigint[];
+begin
+  with wanted as materialized (
+    select * from semap.pair_instance_wanted w
+    where w.query_id = any (p_query_ids) and (p_keys is null or w.instance_id = any (array(select -k from unnest(p_keys) k)))
+  ), changed as (
+    select array_agg(distinct -w.instance_id) as keys
+    from wanted w
+    left join semap.pair_member m on m.key = -w.instance_id and m.query_id = w.query_id and m.is_object = w.is_object
+    where m.key is null or w.predicate = 'on'
+       or (st_asbinary(w.place), st_asbinary(w.shape), w.z_min_m, w.z_max_m, w.yaw_rad)
+          is distinct from (st_asbinary(m.place), st_asbinary(m.shape), m.z_min_m, m.z_max_m, m.yaw_rad)
+  ), placed as (
+    insert into semap.pair_member as m (query_id, is_object, map_id, query_name, instance_id, uid, name, place, shape, box,
+                                        z_min_m, z_max_m, yaw_rad)
+    select query_id, is_object, map_id, query_name, instance_id, uid, name, place, shape,
+           semap.pair_box(st_xmin(shape), st_ymin(shape), st_xmax(shape), st_ymax(shape), query_id, is_object),
+           z_min_m, z_max_m, yaw_rad
+    from wanted
+    on conflict (key, query_id, is_object) do update
+    set query_name = excluded.query_name, uid = excluded.uid, name = excluded.name, place = excluded.place,
+        shape = excluded.shape, box = excluded.box, z_min_m = excluded.z_min_m, z_max_m = excluded.z_max_m,
+        yaw_rad = excluded.yaw_rad
+  )
+  select keys into v_changed from changed;
+  return v_changed;
+end $$;
+comment on function semap.place_instance_members is
+  'Put the instances that take part in these queries where they are, and tell which are not what they were.';
+
+-- Take in the tracks that take part in these queries, of these things or (null) of all, and tell which are new. Each is
+-- put where it is, as these queries see it.
+create or replace function semap.place_track_members(p_query_ids integer[], p_keys bigint[]) returns bigint[]
+language plpgsql as $$
+declare
+  v_new     bigint[];
+  v_states  semap.arrival[];
+begin
+  select array_agg(distinct w.track_id) filter (where m.key is null) into v_new
+  from semap.pair_track_wanted w
+  join semap.track_now n on n.track_id = w.track_id and n.live
+  left join semap.pair_member m on m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object
+  where w.query_id = any (p_query_ids) and (p_keys is null or w.track_id = any (p_keys));
+  if v_new is not null then
+    insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, uid, name)
+    select query_id, is_object, map_id, query_name, track_id, uid, name
+    from semap.pair_track_wanted where query_id = any (p_query_ids) and track_id = any (v_new)
+    on conflict do nothing;
+  end if;
+  update semap.pair_member m
+  set query_name = w.query_name, name = w.name
+  from semap.pair_track_wanted w
+  where m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object and w.query_id = any (p_query_ids)
+    and (p_keys is null or w.track_id = any (p_keys)) and (m.query_name, m.name) is distinct from (w.query_name, w.name);
+
+  select array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
+                       false, n.source_id, n.map_id, n.cell_m, n.live, n.stamp, n.x_m, n.y_m, n.z_m, n.region_ids,
+                       n.outlier_stamp)::semap.arrival)
+  into v_states
+  from semap.track_now n
+  where n.track_id in (select m.key from semap.pair_member m
+                       where m.query_id = any (p_query_ids) and m.key > 0 and (p_keys is null or m.key = any (p_keys)));
+  perform semap.place_tracks(v_states, null);
+  return v_new;
+end $$;
+comment on function semap.place_track_members is
+  'Take in the tracks that take part in these queries, and tell which are new.';
+
+-- Bring the members of these queries in line, of these things or (null) of all, and compare again whoever is not what it
+-- was; everybody, where the queries ask something else now.
+create or replace function semap.refresh_pairs(p_query_ids integer[], p_keys bigint[], p_is_other boolean default false)
+returns void
+language plpgsql as $$
+declare
+  v_changed  bigint[];
+begin
+  if p_query_ids is null then
+    return;
+  end if;
+  perform semap.settle_places(array_agg(distinct t.source_id)) from semap.track_now t
+  where t.live and t.map_id in (select map_id from semap.pair_side where query_id = any (p_query_ids));
+  perform semap.let_members_go(p_query_ids, p_keys);
+  v_changed := semap.place_instance_members(p_query_ids, p_keys) || semap.place_track_members(p_query_ids, p_keys);
+  if p_is_other then
+    v_changed := array(select distinct key from semap.pair_member where query_id = any (p_query_ids));
+  end if;
+  perform semap.record_pair_changes(semap.settle_pairs(p_query_ids, v_changed, null, null, 'map'));
+end $$;
+comment on function semap.refresh_pairs is
+  'Bring the members of these queries in line, and compare again whoever is not what it was.';
+
+-- Bring pairs in line with these instances, which were added, edited or removed.
+create or replace function semap.refresh_pairs_of(p_instance_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_keys  bigint[];
+begin
+  if not exists (select from semap.continuous_query where in_pairs) then
+    return;
+  end if;
+  v_keys := array(select -id from unnest(p_instance_ids) id);
+  perform semap.refresh_pairs(array_agg(query_id), v_keys)
+  from (select q.query_id from semap.continuous_query q
+        where q.in_pairs and q.enabled
+          and q.map_id in (select map_id from semap.instance where instance_id = any (p_instance_ids))
+        union
+        select m.query_id from semap.pair_member m where m.key = any (v_keys)) concerned;
+end $$;
+comment on function semap.refresh_pairs_of is
+  'Bring pairs in line with these instances, which were added, edited or removed.';
+
+-- Bring pairs in line with these tracks, which are described in another way now.
+create or replace function semap.redescribe_tracks(p_track_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_source_ids  integer[];
+  v_map_ids     integer[];
+begin
+  select array_agg(distinct t.source_id order by t.source_id), array_agg(distinct t.map_id order by t.map_id)
+  into v_source_ids, v_map_ids
+  from semap.track t
+  where t.track_id = any (p_track_ids)
+    and exists (select from semap.continuous_query q where q.map_id = t.map_id and q.in_pairs and q.enabled);
+  if v_source_ids is null then
+    return;
+  end if;
+  perform semap.hold_regions();
+  perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+  perform semap.hold_pairs(map_id) from unnest(v_map_ids) map_id;
+  perform semap.refresh_pairs(array_agg(query_id), p_track_ids)
+  from semap.continuous_query where map_id = any (v_map_ids) and in_pairs and enabled;
+end $$;
+comment on function semap.redescribe_tracks is
+  'Bring pairs in line with these tracks, which are described in another way now.';
+
+-- Part tracks that ended, each at the end that it has now, from all that they are paired with.
+create or replace function semap.part_ended(p_track_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_moment  record;
+begin
+  if not exists (select from semap.pair_member where key = any (p_track_ids)) then
+    return;
+  end if;
+  perform semap.hold_pairs(map_id)
+  from (select distinct map_id from semap.pair_member where key = any (p_track_ids) order by map_id) m;
+  for v_moment in
+    select greatest(k.ended_at, t.stamp) as stamp, array_agg(k.track_id) as track_ids
+    from semap.track k join semap.track_now t using (track_id)
+    where k.track_id = any (p_track_ids)
+    group by 1 order by 1
+  loop
+    perform semap.part_pairs(null, v_moment.track_ids, null, v_moment.stamp, 'disappeared');
+  end loop;
+end $$;
+comment on function semap.part_ended is
+  'Part tracks that ended, each at the end that it has now, from all that they are paired with.';
