@@ -111,13 +111,14 @@ create or replace function semap.settle_pairs(
 language plpgsql
 set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
 declare
+  v_now      timestamptz := clock_timestamp();
   v_changes  semap.pair_change[];
 begin
   with compared as materialized (
     select c.query_id, c.subject_key, c.object_key, s.map_id, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
            p.pair_id, coalesce(p.held, false) as held, coalesce(p.inside, false) as inside, p.inside_at, p.since,
            p.distance_m as before_m, p.distance_at as before_at, w.appears, w.appears or p_cause = 'map' as is_fresh,
-           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), p.since, p.inside_at, p.distance_at) as at,
+           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), p.since, p.inside_at, p.distance_at) as at,
            r.distance_m,
            case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,
            case when q.predicate = 'nearest' then c.is_nearest else r.enters end as enters,
@@ -229,12 +230,13 @@ comment on function semap.record_pair_changes is
   'Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past.';
 
 -- Part these things from all that they are paired with, as subjects, as objects or (null) as both, of these queries or
--- (null) of all; their members go. What is nearest without them is so from then on.
+-- (null) of all; their members go. Gives the queries whose nearest ones have to be looked up again without them.
 create or replace function semap.part_pairs(
   p_query_ids integer[], p_keys bigint[], p_is_object boolean, p_at timestamptz, p_cause semap.change_cause
-) returns void
+) returns integer[]
 language plpgsql as $$
 declare
+  v_now      timestamptz := clock_timestamp();
   v_changes  semap.pair_change[];
   v_nearest  integer[];
 begin
@@ -244,7 +246,7 @@ begin
       and (p_query_ids is null or query_id = any (p_query_ids))
     returning *
   ), ended as (
-    select g.*, greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), g.since, g.inside_at) as at
+    select g.*, greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), g.since, g.inside_at) as at
     from gone g
     join semap.pair_member s on s.key = g.subject_key and s.query_id = g.query_id and not s.is_object
     join semap.pair_member o on o.key = g.object_key and o.query_id = g.query_id and o.is_object
@@ -262,15 +264,27 @@ begin
   )
   select array_agg(distinct query_id) into v_nearest
   from gone join semap.continuous_query q using (query_id)
-  where is_object and q.predicate = 'nearest' and q.enabled;
+  where is_object and q.predicate = 'nearest' and q.in_pairs and q.enabled;
+  return v_nearest;
+end $$;
+comment on function semap.part_pairs is
+  'Part these things from all that they are paired with; their members go.';
+
+-- Let tracks go that ended or are deleted, at a stamp (null: that of each pair). What is nearest without them is so then.
+create or replace function semap.let_tracks_go(p_track_ids bigint[], p_at timestamptz, p_cause semap.change_cause)
+returns void
+language plpgsql as $$
+declare
+  v_nearest  integer[] := semap.part_pairs(null, p_track_ids, null, p_at, p_cause);
+begin
   if v_nearest is not null then
     perform semap.record_pair_changes(semap.settle_pairs(
       v_nearest, array(select key from semap.pair_member where query_id = any (v_nearest) and not is_object), null,
       p_at, case when p_cause = 'map' then 'map' else 'moved' end::semap.change_cause));
   end if;
 end $$;
-comment on function semap.part_pairs is
-  'Part these things from all that they are paired with; their members go.';
+comment on function semap.let_tracks_go is
+  'Let tracks go that ended or are deleted; what is nearest without them is so then.';
 
 -- Follow tracks through these states in all pairs of their map, stamp after stamp. At each, all are where they are
 -- before any two are compared.
@@ -304,7 +318,7 @@ begin
     end if;
     perform semap.record_pair_changes(v_crossed);
     if v_moment.ended is not null then
-      perform semap.part_pairs(null, v_moment.ended, null, v_moment.stamp, 'disappeared');
+      perform semap.let_tracks_go(v_moment.ended, v_moment.stamp, 'disappeared');
     end if;
   end loop;
 end $$;

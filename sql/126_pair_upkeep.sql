@@ -1,10 +1,12 @@
 -- Pairs follow the map, the queries, and who is on it.
 
--- Part whoever takes part in these queries no more: of these things or (null) of all.
-create or replace function semap.let_members_go(p_query_ids integer[], p_keys bigint[]) returns void
+-- Part whoever takes part in these queries no more: of these things or (null) of all. Gives the queries whose nearest
+-- ones have to be looked up again without them.
+create or replace function semap.let_members_go(p_query_ids integer[], p_keys bigint[]) returns integer[]
 language plpgsql as $$
 declare
-  v_gone  record;
+  v_gone     record;
+  v_nearest  integer[] := '{}';
 begin
   for v_gone in
     select m.query_id, m.is_object, array_agg(m.key) as keys
@@ -16,8 +18,9 @@ begin
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.track_id = m.track_id and n.live)
     group by m.query_id, m.is_object order by m.query_id, m.is_object
   loop
-    perform semap.part_pairs(array[v_gone.query_id], v_gone.keys, v_gone.is_object, null, 'map');
+    v_nearest := v_nearest || semap.part_pairs(array[v_gone.query_id], v_gone.keys, v_gone.is_object, null, 'map');
   end loop;
+  return v_nearest;
 end $$;
 comment on function semap.let_members_go is
   'Part whoever takes part in these queries no more.';
@@ -101,6 +104,7 @@ create or replace function semap.refresh_pairs(p_query_ids integer[], p_keys big
 returns void
 language plpgsql as $$
 declare
+  v_nearest  integer[];
   v_changed  bigint[];
 begin
   if p_query_ids is null then
@@ -108,10 +112,12 @@ begin
   end if;
   perform semap.settle_places(array_agg(distinct t.source_id)) from semap.track_now t
   where t.live and t.map_id in (select map_id from semap.pair_side where query_id = any (p_query_ids));
-  perform semap.let_members_go(p_query_ids, p_keys);
+  v_nearest := semap.let_members_go(p_query_ids, p_keys);
   v_changed := semap.place_instance_members(p_query_ids, p_keys) || semap.place_track_members(p_query_ids, p_keys);
   if p_is_other then
     v_changed := array(select distinct key from semap.pair_member where query_id = any (p_query_ids));
+  elsif v_nearest <> '{}' then
+    v_changed := v_changed || array(select key from semap.pair_member where query_id = any (v_nearest) and not is_object);
   end if;
   perform semap.record_pair_changes(semap.settle_pairs(p_query_ids, v_changed, null, null, 'map'));
 end $$;
@@ -179,7 +185,7 @@ begin
     where k.track_id = any (p_track_ids)
     group by 1 order by 1
   loop
-    perform semap.part_pairs(null, v_moment.track_ids, null, v_moment.stamp, 'disappeared');
+    perform semap.let_tracks_go(v_moment.track_ids, v_moment.stamp, 'disappeared');
   end loop;
 end $$;
 comment on function semap.part_ended is

@@ -84,7 +84,7 @@ begin
     where n.track_id = old.track_id
     order by r.instance_uid, r.query_id;
     if exists (select from semap.pair_member where key = old.track_id) then
-      perform semap.part_pairs(null, array[old.track_id], null, null, 'map');
+      perform semap.let_tracks_go(array[old.track_id], null, 'map');
     end if;
   end if;
   return old;
@@ -106,7 +106,8 @@ declare
   v_last   timestamptz;
 begin
   delete from semap.relation where track_id in (select track_id from old_track);
-  delete from semap.relation_change where track_id in (select track_id from old_track);
+  delete from semap.relation_change
+  where track_id in (select track_id from old_track) or object_track_id in (select track_id from old_track);
   delete from semap.relation_past where track_id in (select track_id from old_track);
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
   delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
