@@ -1,21 +1,22 @@
 -- What was when, in event time: who was in which instance, and how doors stood.
 
--- Who was in which instance at some time between two moments, both included; `until` is null while it holds. A stay that
--- took no time is none.
+-- Which track was in which instance at some time between two moments, both included; `until` is null while it holds. A
+-- stay that took no time is none, and neither is a relation of a pair: who faces a table is not in it.
 create or replace function semap.stays(p_map_id integer, p_from timestamptz, p_to timestamptz)
 returns table (track_id bigint, instance_id bigint, query_id integer, since timestamptz, until timestamptz)
 language sql stable parallel safe as $$
   select p.track_id, p.instance_id, p.query_id, p.since, p.until
   from semap.relation_past p
   where tstzrange(p.since, p.until, '[]') && tstzrange(p_from, p_to, '[]') and p.since < p.until and p.until > p_from
-    and p.map_id = p_map_id
+    and p.map_id = p_map_id and p.track_id is not null and p.instance_id is not null
+    and not exists (select from semap.continuous_query q where q.query_id = p.query_id and q.in_pairs)
   union all
   select n.track_id, n.instance_id, n.query_id, n.since, null
   from semap.relation n
   where n.map_id = p_map_id and n.since <= p_to
 $$;
 comment on function semap.stays is
-  'Who was in which instance at some time between two moments, both included; until is null while it holds.';
+  'Which track was in which instance at some time between two moments, both included; until is null while it holds.';
 
 -- How the doors of a map stood between two moments, both included: the state in which each was at the first of them, and
 -- each that began after it; `until` is null while it holds. A door of which nothing is known has no row.

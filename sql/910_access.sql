@@ -54,8 +54,8 @@ begin
     ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_member, semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.late_row, semap.event, semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
-    ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_now,'
-    ' semap.track_present, semap.track_amended, semap.relation_held, semap.retention'
+    ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'
+    ' semap.track_present, semap.track_amended, semap.retention'
     ' to ' || c_own;
   execute 'grant select (worker, lsn, event_seq, updated_at) on semap.progress to ' || c_own;
 end $$;

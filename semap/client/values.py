@@ -199,15 +199,25 @@ class Track:
 
 @dataclass(frozen=True)
 class Relation:
-    """A track is in an instance, as a continuous query sees it."""
+    """A subject is related to an object, as a continuous query sees it: a track or an instance each.
+
+    until       None while it holds
+    duration_s  how long it held; None while it holds
+    """
 
     map: str
     query: str
-    track_id: int
-    track: str
-    instance_id: int
-    instance: str
+    track_id: int | None
+    track: str | None
+    subject_instance_id: int | None
+    subject_instance: str | None
+    instance_id: int | None
+    instance: str | None
+    object_track_id: int | None
+    object_track: str | None
     since: Stamp
+    until: Stamp | None
+    duration_s: float | None
 
 
 @dataclass(frozen=True)

@@ -33,14 +33,17 @@ ENTRIES = """
 ORDERS = {None: "e.stamp, e.seq", "instance": "e.instance_id, e.instance_name, e.stamp, e.seq",
           "track": "e.track_id, e.track_name, e.stamp, e.seq"}  # fmt: skip
 
+# which track was in what: of a pair, such as who faces a table, neither is in the other
 STAYS = """
-    select instance_id, instance_name, track_name, since, until as stamp
-    from semap.relation_past
-    where map_id = %(map_id)s and tstzrange(since, until, '[]') && tstzrange(%(start)s, %(end)s)
+    select p.instance_id, p.instance_name, p.track_name, p.since, p.until as stamp
+    from semap.relation_past p
+    where p.map_id = %(map_id)s and tstzrange(p.since, p.until, '[]') && tstzrange(%(start)s, %(end)s)
+      and p.track_id is not null and p.instance_id is not null
+      and not exists (select from semap.continuous_query q where q.query_id = p.query_id and q.in_pairs)
     union all
     select n.instance_id, n.instance, n.track, n.since, null
-    from semap.relation_now n
-    where n.map_id = %(map_id)s and n.since < %(end)s
+    from semap.relation_now n join semap.continuous_query q using (query_id)
+    where n.map_id = %(map_id)s and n.since < %(end)s and not q.in_pairs
     order by instance_name, since, track_name
 """
 OBJECT_STAYS = """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, Literal, get_args
 
-from sqlalchemy import Connection, cast, delete, func, insert, select, update
+from sqlalchemy import Connection, cast, delete, func, insert, select, text, update
 from sqlalchemy.dialects.postgresql import JSONB
 
 from semap.cql2 import parse
@@ -59,6 +59,11 @@ HAVE_MARGINS = (
     "right_of",
 )
 """Predicates of pairs that have a boundary in metres."""
+
+
+_RESULT = text("""
+    select place, result from semap.result_page(:query_id, cast(:after as bigint[]), :limit)
+""")
 
 
 @dataclass(frozen=True)
@@ -161,6 +166,32 @@ def change_query(
             update(continuous_query).where(continuous_query.c.query_id == query_id).values(sql=sql, **values)
         )
     return get_query(connection, query_id)
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """What holds by a query, as its view has it: JSON by the names of its columns, shapes as GeoJSON [m].
+
+    place  where it stands in the order of ids
+    """
+
+    place: tuple[int, int]
+    columns: Mapping[str, Any]
+
+
+def query_result(
+    connection: Connection, query_id: int, *, after: tuple[int, int] = (0, 0), limit: int = 100
+) -> tuple[ResultRow, ...]:
+    """At most `limit` rows of what holds by a query now.
+
+    after   the place of the last one known
+    raises  NotFound
+    """
+    get_query(connection, query_id)
+    wanted = {"query_id": query_id, "after": list(after), "limit": limit}
+    with translated():
+        rows = connection.execute(_RESULT, wanted).all()
+    return tuple(ResultRow((place[0], place[1]), result) for place, result in rows)
 
 
 def enable_query(connection: Connection, query_id: int, enabled: bool) -> Query:

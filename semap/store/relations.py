@@ -1,33 +1,82 @@
-"""Who is where now: relations that hold, and rooms with who is in them."""
+"""Who is where: relations that hold, or held at a moment, and rooms with who is in them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from datetime import datetime
+from typing import Any, TypeAlias
 
-from sqlalchemy import ColumnElement, Connection, distinct, func, select, tuple_
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    FromClause,
+    Select,
+    distinct,
+    func,
+    null,
+    or_,
+    select,
+    tuple_,
+)
 
 from semap.errors import NotFound
 from semap.store.database import translated
 from semap.store.instances import Instance
-from semap.store.tables import concept, instance, map_, region, relation, track
+from semap.store.tables import (
+    concept,
+    continuous_query,
+    instance,
+    map_,
+    pair,
+    region,
+    relation,
+    relation_past,
+    track,
+)
 
 STOREY = instance.alias("storey")
 ROOM = "Room"
+Place: TypeAlias = tuple[int, int, int]
+"""Which part of all relations (by regions, by pairs, over), and the ids that it is ordered by."""
+START: Place = (0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which relations: those of which all of this is true; a name or an id may be that of either side."""
+
+    map: str | None = None
+    query: str | None = None
+    track: str | None = None
+    track_id: int | None = None
+    instance: str | None = None
+
+
+ALL = Wanted()
 
 
 @dataclass(frozen=True)
 class Relation:
-    """A track is in an instance since a stamp, as a continuous query sees it."""
+    """A subject is related to an object, as a continuous query sees it: a track or an instance each.
+
+    until  None while it holds
+    place  where it stands in the list
+    """
 
     map: str
     query: str
-    track_id: int
-    track: str
-    instance_id: int
-    instance: str
+    track_id: int | None
+    track: str | None
+    subject_instance_id: int | None
+    subject_instance: str | None
+    instance_id: int | None
+    instance: str | None
+    object_track_id: int | None
+    object_track: str | None
     since: datetime
-    region_id: int
+    until: datetime | None
+    place: Place
 
 
 @dataclass(frozen=True)
@@ -49,50 +98,36 @@ class Occupant:
 
 def list_relations(
     connection: Connection,
+    wanted: Wanted = ALL,
     *,
-    map_name: str | None = None,
-    track_name: str | None = None,
-    track_id: int | None = None,
-    instance_name: str | None = None,
-    query: str | None = None,
-    after: tuple[int, int] = (0, 0),
+    as_of: datetime | None = None,
+    after: Place = START,
     limit: int = 100,
 ) -> tuple[Relation, ...]:
-    """At most `limit` relations that hold now, ordered by track and region.
+    """At most `limit` relations that hold now, or held at a moment of event time.
 
-    after  (track_id, region_id) of the last one known
+    First come those that regions keep, then those of pairs, and last those that are over: what ends between
+    two pages may come twice, but is not missed.
+
+    after  the place of the last one known
     """
-    wanted: list[ColumnElement[bool]] = [tuple_(relation.c.track_id, relation.c.region_id) > tuple_(*after)]
-    for column, value in (
-        (map_.c.name, map_name),
-        (track.c.name, track_name),
-        (relation.c.track_id, track_id),
-        (region.c.instance_name, instance_name),
-        (region.c.query_name, query),
-    ):
-        if value is not None:
-            wanted.append(column == value)
-    found = (
-        select(
-            map_.c.name,
-            region.c.query_name,
-            relation.c.track_id,
-            track.c.name,
-            relation.c.instance_id,
-            region.c.instance_name,
-            relation.c.since,
-            relation.c.region_id,
-        )
-        .select_from(relation)
-        .join(region, region.c.region_id == relation.c.region_id)
-        .join(track, track.c.track_id == relation.c.track_id)
-        .join(map_, map_.c.map_id == relation.c.map_id)
-        .where(*wanted)
-        .order_by(relation.c.track_id, relation.c.region_id)
-        .limit(limit)
-    )
-    with translated():
-        return tuple(Relation(*row) for row in connection.execute(found))
+    parts = (_BY_REGIONS, _BY_PAIRS) if as_of is None else (_BY_REGIONS, _BY_PAIRS, _OVER)
+    found: list[Relation] = []
+    for number, part in enumerate(parts):
+        if number < after[0] or len(found) == limit:
+            continue
+        ids = after[1:] if number == after[0] else START[1:]
+        asked = part.select(wanted, as_of).limit(limit - len(found))
+        found += _read(connection, number, part, asked, ids)
+    return tuple(found)
+
+
+def list_relations_to_instances(
+    connection: Connection, track_id: int, *, after: Place = START, limit: int = 100
+) -> tuple[Relation, ...]:
+    """What a track is in now, in the order of `list_relations`: who faces a table is not in it."""
+    asked = _BY_REGIONS.select(Wanted(track_id=track_id), None).limit(limit)
+    return tuple(_read(connection, 0, _BY_REGIONS, asked, after[1:]))
 
 
 def list_rooms(
@@ -134,6 +169,109 @@ def list_occupants(
     with translated():
         return tuple(Occupant(*row) for row in connection.execute(found))
 
+
+def _read(
+    connection: Connection, number: int, part: _Part, asked: Select[Any], after: tuple[int, ...]
+) -> list[Relation]:
+    """What follows the ids in the order of a part."""
+    asked = asked.where(tuple_(*part.ids) > tuple_(*after[: len(part.ids)])).order_by(*part.ids)
+    columns = len(fields(Relation)) - 1
+    with translated():
+        rows = connection.execute(asked).all()
+    return [Relation(*row[:columns], place=(number, row[columns], (*row[columns:], 0)[1])) for row in rows]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Relations that are kept in one table.
+
+    sides  the columns of a side's id and name, by the side
+    ids    the one or two columns by which the table is ordered
+    until  None: all of it holds
+    """
+
+    joined: FromClause
+    query: ColumnElement[str]
+    sides: Mapping[str, tuple[ColumnElement[Any], ColumnElement[Any]]]
+    since: ColumnElement[datetime]
+    ids: tuple[ColumnElement[int], ...]
+    until: ColumnElement[datetime] | None = None
+    only: ColumnElement[bool] | None = None
+
+    def select(self, wanted: Wanted, as_of: datetime | None) -> Select[Any]:
+        """The columns of `Relation` up to `until`, and the ids."""
+        columns = [column for side in _SIDES for column in self.sides.get(side, (null(), null()))]
+        until = null() if self.until is None else self.until
+        found = select(map_.c.name, self.query, *columns, self.since, until, *self.ids)
+        return found.select_from(self.joined).where(*self._conditions(wanted, as_of))
+
+    def _conditions(self, wanted: Wanted, as_of: datetime | None) -> list[ColumnElement[bool]]:
+        named = {side: columns[1] for side, columns in self.sides.items()}
+        numbered = {side: columns[0] for side, columns in self.sides.items()}
+        conditions = [] if self.only is None else [self.only]
+        for value, columns in (
+            (wanted.map, [map_.c.name]),
+            (wanted.query, [self.query]),
+            (wanted.track, [named[side] for side in _TRACKS if side in named]),
+            (wanted.track_id, [numbered[side] for side in _TRACKS if side in named]),
+            (wanted.instance, [named[side] for side in _INSTANCES if side in named]),
+        ):
+            if value is not None:
+                conditions.append(or_(*(column == value for column in columns)))
+        if as_of is not None:
+            conditions += self._held_at(as_of)
+        return conditions
+
+    def _held_at(self, as_of: datetime) -> list[ColumnElement[bool]]:
+        if self.until is None:
+            return [self.since <= as_of]
+        # written as the index has it
+        span: ColumnElement[Any] = func.tstzrange(self.since, self.until, "[]")
+        return [span.bool_op("@>")(as_of), self.until > as_of]
+
+
+_SIDES = ("track", "subject_instance", "instance", "object_track")
+_TRACKS = ("track", "object_track")
+_INSTANCES = ("subject_instance", "instance")
+_SUBJECT, _OBJECT = instance.alias("subject_instance"), track.alias("object_track")
+_BY_REGIONS = _Part(
+    relation.join(region, region.c.region_id == relation.c.region_id)
+    .join(track, track.c.track_id == relation.c.track_id)
+    .join(map_, map_.c.map_id == relation.c.map_id),
+    region.c.query_name,
+    {
+        "track": (relation.c.track_id, track.c.name),
+        "instance": (relation.c.instance_id, region.c.instance_name),
+    },
+    relation.c.since,
+    (relation.c.track_id, relation.c.region_id),
+)
+_BY_PAIRS = _Part(
+    pair.join(continuous_query, continuous_query.c.query_id == pair.c.query_id)
+    .join(map_, map_.c.map_id == pair.c.map_id)
+    .outerjoin(track, track.c.track_id == pair.c.track_id)
+    .outerjoin(_SUBJECT, _SUBJECT.c.instance_id == pair.c.subject_instance_id)
+    .outerjoin(instance, instance.c.instance_id == pair.c.instance_id)
+    .outerjoin(_OBJECT, _OBJECT.c.track_id == pair.c.object_track_id),
+    continuous_query.c.name,
+    {
+        "track": (pair.c.track_id, track.c.name),
+        "subject_instance": (pair.c.subject_instance_id, _SUBJECT.c.name),
+        "instance": (pair.c.instance_id, instance.c.name),
+        "object_track": (pair.c.object_track_id, _OBJECT.c.name),
+    },
+    pair.c.since,
+    (pair.c.pair_id,),
+    only=pair.c.held,
+)
+_OVER = _Part(
+    relation_past.join(map_, map_.c.map_id == relation_past.c.map_id),
+    relation_past.c.query_name,
+    {side: (relation_past.c[f"{side}_id"], relation_past.c[f"{side}_name"]) for side in _SIDES},
+    relation_past.c.since,
+    (relation_past.c.relation_past_id,),
+    until=relation_past.c.until,
+)
 
 _ROOM_CONCEPTS = func.semap.concepts_below(
     select(concept.c.concept_id).where(concept.c.name == ROOM).scalar_subquery()

@@ -84,9 +84,15 @@ def test_who_is_where(service: Service) -> None:
         "query": "track_in_room",
         "track_id": track_id,
         "track": "person",
+        "subject_instance_id": None,
+        "subject_instance": None,
         "instance_id": room["id"],
         "instance": "Room07",
+        "object_track_id": None,
+        "object_track": None,
         "since": since,
+        "until": None,
+        "duration_s": None,
     }
     page = {"relations": [relation], "next": None}
     assert service.get("/relations", map="office", track="person", room="Room07") == page

@@ -50,10 +50,13 @@ def list_relations(
     track: str | None = None,
     room: str | None = None,
     query: str | None = None,
+    as_of: datetime | None = None,
     limit: int | None = None,
 ) -> Plan[Table[Relation]]:
-    """Who is where now, by name."""
+    """Who is where now, by name; or who was where at an event time, since when and how long."""
     wanted = {"map": map, "track": track, "room": room, "query": query}
+    if as_of is not None:
+        wanted["as_of"] = _aware(as_of)
     return Table(Relation, (yield from pages(Relation, "/relations", "relations", limit, **wanted)))
 
 

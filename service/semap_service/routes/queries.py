@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Query, Response
 from pydantic import ConfigDict, Field
 from sqlalchemy import Connection
 
@@ -15,6 +15,7 @@ from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, De
 from semap.store import queries
 from semap.store.maps import get_map
 from semap_service.document import (
+    LARGEST_ID,
     After,
     Document,
     Limit,
@@ -234,6 +235,40 @@ def delete_query(edit: Edit, id: SmallId) -> None:  # noqa: A002
     """Delete a query; its relations end. One that a rule reads is refused."""
     with edit.begin(lambda connection: _read(connection, id)) as connection:
         queries.delete_query(connection, id)
+
+
+class QueryResult(Document):
+    """What holds by a query now."""
+
+    rows: list[dict[str, Any]] = Field(
+        description="The columns that the query selects (the names and ids of both sides where it selects none)"
+        " and `since`; shapes are GeoJSON in metres of the map.",
+        examples=[[{"room_name": "Room07", "track_name": "person 3", "since": "2026-01-31T12:00:00+00:00"}]],
+    )
+    next: str | None = Field(description="`after` of the next page; null where this is the last one.")
+
+
+PLACE = r"^\d{1,19}-\d{1,10}$"
+
+
+@router.get("/queries/{id}/result", operation_id="get_query_result", responses=problems(404))
+def get_query_result(
+    database: Database,
+    id: SmallId,  # noqa: A002
+    limit: Limit = 100,
+    after: Annotated[
+        str, Query(pattern=PLACE, description="Go on after this place: `next` of the page before.")
+    ] = "0-0",
+) -> QueryResult:
+    """What holds by a query now: the rows of its live table."""
+    first, second = (int(part) for part in after.split("-"))
+    with transaction(database) as connection:
+        place = (min(first, LARGEST_ID), min(second, LARGEST_ID))
+        found = queries.query_result(connection, id, after=place, limit=limit)
+    return QueryResult(
+        rows=[dict(each.columns) for each in found],
+        next="-".join(map(str, found[-1].place)) if len(found) == limit else None,
+    )
 
 
 def _read(connection: Connection, query_id: int) -> QueryDocument:

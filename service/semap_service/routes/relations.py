@@ -11,35 +11,56 @@ from pydantic import Field
 from semap.store import relations
 from semap.store.maps import get_map
 from semap.store.tracks import get_track
-from semap_service.document import LARGEST_ID, LARGEST_SMALL_ID, Document, Id, Limit, MapFilter, Name, Stamp
+from semap_service.document import (
+    LARGEST_ID,
+    LARGEST_SMALL_ID,
+    Document,
+    Id,
+    InStamp,
+    Limit,
+    MapFilter,
+    Name,
+    Stamp,
+)
 from semap_service.problem import problems
 from semap_service.transaction import Database, transaction
 
 router = APIRouter(tags=["relations"])
 
-PLACE = re.compile(r"(\d+)-(\d+)")
+PLACE = re.compile(r"([0-2])-(\d{1,19})-(\d{1,19})")
+SIDE = "null where that side is of the other kind."
 
 
 class RelationDocument(Document):
-    """A track is in an instance, as a continuous query sees it."""
+    """A subject is related to an object, as a continuous query sees it: a track or an instance each."""
 
     map: str = Field(examples=["office"])
     query: str = Field(examples=["track_in_room"])
-    track_id: int
-    track: str = Field(examples=["person 3"])
-    instance_id: int
-    instance: str = Field(examples=["Room07"])
+    track_id: int | None = Field(description=f"The subject; {SIDE}")
+    track: str | None = Field(examples=["person 3"])
+    subject_instance_id: int | None = Field(description=f"The subject; {SIDE}")
+    subject_instance: str | None = Field(examples=[None])
+    instance_id: int | None = Field(description=f"The object; {SIDE}")
+    instance: str | None = Field(examples=["Room07"])
+    object_track_id: int | None = Field(description=f"The object; {SIDE}")
+    object_track: str | None = Field(examples=[None])
     since: Stamp
+    until: Stamp | None = Field(description="null while it holds.")
+    duration_s: float | None = Field(description="How long it held; null while it holds.", examples=[12.5])
 
 
 class RelationList(Document):
-    relations: list[RelationDocument] = Field(description="By track.")
+    relations: list[RelationDocument] = Field(description="By track; then those of pairs; then those over.")
     next: str | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
+AsOf = Annotated[
+    InStamp | None,
+    Query(description="What held at this event time (RFC 3339), by what is known now. [default: now]"),
+]
 RelationAfter = Annotated[
     str,
-    Query(pattern=r"^\d{1,19}-\d{1,10}$", description="Go on after this place: `next` of the page before."),
+    Query(pattern=rf"^{PLACE.pattern}$", description="Go on after this place: `next` of the page before."),
 ]
 
 
@@ -47,25 +68,21 @@ RelationAfter = Annotated[
 def list_relations(
     database: Database,
     map_name: MapFilter = None,
-    track: Annotated[Name | None, Query(description="Only of the tracks of this name.")] = None,
-    room: Annotated[Name | None, Query(description="Only to the instances of this name.")] = None,
+    track: Annotated[Name | None, Query(description="Only of the tracks of this name, on either side.")] = None,
+    room: Annotated[
+        Name | None, Query(description="Only of the instances of this name, on either side.")
+    ] = None,
     query: Annotated[Name | None, Query(description="Only those of the query of this name.")] = None,
+    as_of: AsOf = None,
     limit: Limit = 100,
-    after: RelationAfter = "0-0",
+    after: RelationAfter = "0-0-0",
 ) -> RelationList:
-    """Who is where now, by name."""
+    """Who is where now, by name; with `as_of`: who was where at a time, since when and how long."""
+    wanted = relations.Wanted(map_name, query, track=track, instance=room)
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
-        found = relations.list_relations(
-            connection,
-            map_name=map_name,
-            track_name=track,
-            instance_name=room,
-            query=query,
-            after=_place(after),
-            limit=limit,
-        )
+        found = relations.list_relations(connection, wanted, as_of=as_of, after=_place(after), limit=limit)
     return _page(found, limit)
 
 
@@ -74,23 +91,30 @@ def list_rooms_of_track(
     database: Database,
     id: Id,  # noqa: A002
     limit: Limit = 100,
-    after: RelationAfter = "0-0",
+    after: RelationAfter = "0-0-0",
 ) -> RelationList:
     """Which rooms this track is in now, and since when."""
     with transaction(database) as connection:
         get_track(connection, id)
-        found = relations.list_relations(connection, track_id=id, after=_place(after), limit=limit)
+        found = relations.list_relations_to_instances(connection, id, after=_place(after), limit=limit)
     return _page(found, limit)
 
 
-def _place(after: str) -> tuple[int, int]:
+def _place(after: str) -> relations.Place:
     match = PLACE.fullmatch(after)
     assert match is not None  # noqa: S101  (validated)
-    return min(int(match[1]), LARGEST_ID), min(int(match[2]), LARGEST_SMALL_ID)
+    # only regions have a second id, and theirs is small
+    return int(match[1]), min(int(match[2]), LARGEST_ID), min(int(match[3]), LARGEST_SMALL_ID)
 
 
 def _page(found: tuple[relations.Relation, ...], limit: int) -> RelationList:
     return RelationList(
-        relations=[RelationDocument.model_validate(each) for each in found],
-        next=f"{found[-1].track_id}-{found[-1].region_id}" if len(found) == limit else None,
+        relations=[_document(each) for each in found],
+        next="-".join(map(str, found[-1].place)) if len(found) == limit else None,
     )
+
+
+def _document(found: relations.Relation) -> RelationDocument:
+    duration_s = None if found.until is None else (found.until - found.since).total_seconds()
+    said = {name: getattr(found, name) for name in RelationDocument.model_fields if name != "duration_s"}
+    return RelationDocument(**said, duration_s=duration_s)
