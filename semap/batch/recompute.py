@@ -3,7 +3,8 @@
 The speed layer judges each state as it comes. Here tracks are smoothed over their whole length, edges are
 crossed between states by the exact shapes, on the map as it is now, and the rules in force run over that. An
 event of the log is then confirmed, amended by another, or retracted; what the log lacks is added. States of
-objects count as they were reported. All of it is one transaction; nothing of the log is deleted.
+objects, and relations of pairs, count as they were noted. All of it is one transaction; nothing of the log is
+deleted.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ MAP = """
     from semap.map m left join semap.progress p on p.worker = %s where m.name = %s
 """
 RULES = "select r.rule_id, semap.rule_json(r) from semap.rule r where r.map_id = %s and r.enabled order by 1"
+IN_PAIRS = "select name from semap.continuous_query where map_id = %s and in_pairs"
 LOGGED = """
     select e.event_id, e.rule_name, e.type, e.key, e.track_id, e.instance_id, e.stamp, e.by_batch,
            e.track_name, e.instance_name
@@ -206,7 +208,7 @@ def _found(
     }
     advance("running the rules")
     span = Span(to_us(first), to_us(last), with_held=True)
-    rows |= _object_rows(connection, rules, span, facts)
+    rows |= _noted_rows(connection, map_id, rules, span, facts)
     # together, since the farthest that any rule asks for an actor counts, as it does for the worker
     needs = reduce(or_, (needs_of(rule.declaration) for rule in rules.values()), Needs())
     ready = enriched(connection, map_id, list(rows.values()), needs)
@@ -225,13 +227,18 @@ def _reach(lookback_us: float) -> tuple[timedelta, timedelta]:
     return timedelta(microseconds=before_us), timedelta(microseconds=after_us)
 
 
-def _object_rows(
-    connection: psycopg.Connection, rules: Mapping[int, Rule], span: Span, facts: MapFacts
+def _noted_rows(
+    connection: psycopg.Connection, map_id: int, rules: Mapping[int, Rule], span: Span, facts: MapFacts
 ) -> dict[str, Row]:
-    """States of objects that the rules read, as they were reported."""
+    """States of objects and relations of pairs that the rules read, as they were noted."""
     names = frozenset(rule.name for rule in rules.values())
+    in_pairs = {name for (name,) in connection.execute(IN_PAIRS, [map_id])}
     rows = (row for rule in rules.values() for row in history_rows(connection, rule, names, span, facts))
-    return {row.uid: row for row in rows if row.source == "object_state"}
+    return {
+        row.uid: row
+        for row in rows
+        if row.source == "object_state" or (row.source == "relation" and row.values["input"] in in_pairs)
+    }
 
 
 def _path(states: StoredStates, tracks: Mapping[int, StoredTrack], motion: Motion) -> Path:

@@ -16,26 +16,39 @@ from semap.cql2 import Kind
 Source = Literal["relation", "object_state", "map", "event"]
 
 RANKS: Mapping[Source, int] = {"map": 0, "object_state": 1, "relation": 2, "event": 5}
-"""Which of two rows at one stamp is first; a relation that begins adds 1, one that its track ends adds 2."""
+"""Which of two rows at one stamp is first.
+
+A relation that begins adds 1, one that its track ends adds 2; what crosses a line stands with what ends.
+"""
 
 PROPERTIES: Mapping[str, Kind] = {
     "input": "text",  # name of the query, of the object's property, of the rule; 'map'
-    "type": "text",  # began, ended; the object's new state; added, changed, removed; the event's type
+    "type": "text",  # began, ended, crossed; the new state; added, changed, removed; the event's type
     "stamp": "instant",
     "since": "instant",  # when the relation or the former state began; an event: the first row of its match
     "duration_s": "number",  # stamp - since
     "confirmed": "instant",  # when it was known, where that was later than it was: of a debounced relation
     "cause": "text",
-    "track": "text",
+    "track": "text",  # the subject of a relation, where it is a track
     "track_id": "number",
-    "instance": "text",
+    "subject": "text",  # the subject, where it is an instance
+    "subject_id": "number",
+    "other": "text",  # the object, where it is a track
+    "other_id": "number",
+    "instance": "text",  # the object, where it is an instance
     "instance_id": "number",
     "room": "text",  # the room itself, or each of the rooms that a door joins (then one row for each)
     "room_id": "number",
     "concept": "text",
     "attributes": "any",
     "neighbours": "array",  # names of the rooms that doors join to the row's room, ascending
-    "occupants": "number",  # tracks in the instance by this query, after this row
+    "occupants": "number",  # subjects related to the instance by this query, after this row
+    "x_m": "number",  # where the boundary or the line was crossed
+    "y_m": "number",
+    "direction": "text",  # left_to_right or right_to_left, of what crossed a line
+    "door": "text",  # by which it came in or went out, where that is known
+    "door_id": "number",
+    "edge": "number",  # of the outline, which it came in or went out by
     "previous": "text",  # the object's former state
     "actor": "text",  # the track that most likely caused it
     "actor_id": "number",

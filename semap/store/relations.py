@@ -175,10 +175,11 @@ def _read(
 ) -> list[Relation]:
     """What follows the ids in the order of a part."""
     asked = asked.where(tuple_(*part.ids) > tuple_(*after[: len(part.ids)])).order_by(*part.ids)
-    columns = len(fields(Relation)) - 1
     with translated():
         rows = connection.execute(asked).all()
-    return [Relation(*row[:columns], place=(number, row[columns], (*row[columns:], 0)[1])) for row in rows]
+    ids_at = len(fields(Relation)) - 1
+    places = ((number, row[ids_at], (*row[ids_at:], 0)[1]) for row in rows)
+    return [Relation(*(*row[:ids_at], place)) for row, place in zip(rows, places, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from semap.rules.engine.rule import Rule
 from semap.rules.row import Row, Source
 from semap.store.database import translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.input_row import READERS, event_row, event_text
+from semap.worker.input_row import READERS, RELATION_COLUMNS, event_row, event_text
 from semap.worker.map_facts import MapFacts
 
 SINCE_EVER = datetime(1800, 1, 1, tzinfo=UTC)
@@ -31,14 +31,13 @@ TABLES: Mapping[Source, str] = {
     "event": "event",
 }
 STATEMENTS: Mapping[Source, str] = {
-    "relation": """
-        select uid::text, query_name, track_id::text, track_name, instance_id::text, instance_name,
-               kind::text, cause::text, stamp::text, since::text, edge_at::text
+    "relation": f"""
+        select {RELATION_COLUMNS}
         from semap.relation_change c
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s)
           and c.stamp between %(first)s and %(last)s and c.received_at >= %(received_from)s
           and (c.change_id <= %(change_id)s or %(change_id)s is null)
-    """,
+    """,  # noqa: S608  (a constant)
     "object_state": """
         select o.uid::text, o.property, o.value, b.value as previous, o.instance_id::text, o.instance_name,
                o.stamp::text, b.since::text, o.attributes::text
@@ -60,16 +59,14 @@ STATEMENTS: Mapping[Source, str] = {
 }
 # what held when the first row came: relations that had begun and not ended, the last state of each object
 HELD: Mapping[Source, str] = {
-    "relation": """
-        select distinct on (c.query_id, c.track_id, c.instance_id)
-               c.uid::text, c.query_name, c.track_id::text, c.track_name, c.instance_id::text,
-               c.instance_name, c.kind::text, c.cause::text, c.stamp::text, c.since::text,
-               c.edge_at::text
+    "relation": f"""
+        select distinct on (query_id, track_id, subject_instance_id, instance_id, object_track_id)
+               {RELATION_COLUMNS}
         from semap.relation_change c
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s) and c.stamp < %(first)s
-          and (c.change_id <= %(change_id)s or %(change_id)s is null)
-        order by c.query_id, c.track_id, c.instance_id, c.change_id desc
-    """,
+          and c.kind <> 'crossed' and (c.change_id <= %(change_id)s or %(change_id)s is null)
+        order by query_id, track_id, subject_instance_id, instance_id, object_track_id, c.change_id desc
+    """,  # noqa: S608  (a constant)
     "object_state": """
         select distinct on (c.instance_id, c.property)
                c.uid::text, c.property, c.value, c.previous_value as previous, c.instance_id::text,

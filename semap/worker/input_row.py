@@ -22,8 +22,28 @@ MAP_INPUT = "map"
 UNKNOWN = Facts(0, MappingProxyType({}), ())
 
 
+RELATION_COLUMNS = """
+    uid::text, query_name, track_id::text, track_name, subject_instance_id::text, subject_instance_name,
+    instance_id::text, instance_name, object_track_id::text, object_track_name, kind::text, cause::text,
+    stamp::text, since::text, edge_at::text, x_m::text, y_m::text, direction, door_id::text, door_name,
+    edge::text
+"""
+"""What `relation_row` reads of `relation_change`, as the log would bring it."""
+
+
+OF_SIDES = {
+    "track": ("track_id", "track_name"),
+    "subject": ("subject_instance_id", "subject_instance_name"),
+    "other": ("object_track_id", "object_track_name"),
+    "door": ("door_id", "door_name"),
+}
+"""Things of a relation beside the instance that it is to: the columns of their ids and names."""
+
+
 def relation_row(row: TableRow, facts: MapFacts) -> Row:
     """The change of a relation, of `relation_change`: it stands where it was known, and says when it was.
+
+    What a row lacks that has not all columns is null.
 
     raises KeyError, ValueError or InvalidInput if a column is missing or holds something else
     """
@@ -33,13 +53,19 @@ def relation_row(row: TableRow, facts: MapFacts) -> Row:
         rank += 1
     elif cause == "disappeared":
         rank += 2
-    values: dict[str, Value] = {
-        "input": text_of(row, "query_name"),
-        "type": kind,
-        "cause": cause,
-        "track": text_of(row, "track_name"),
-        "track_id": integer_of(row, "track_id"),
-    }
+    values: dict[str, Value] = {"input": text_of(row, "query_name"), "type": kind, "cause": cause}
+    for name, (id_column, name_column) in OF_SIDES.items():
+        number = row.get(id_column)
+        if number is not None:
+            values |= {name: text_of(row, name_column), f"{name}_id": int(number)}
+    for name in ("x_m", "y_m"):
+        place_m = row.get(name)
+        if place_m is not None:
+            values[name] = float(place_m)
+    if row.get("direction") is not None:
+        values["direction"] = row["direction"]
+    if row.get("edge") is not None:
+        values["edge"] = integer_of(row, "edge")
     return _row(row, facts, "relation", rank, values, row.get("edge_at"))
 
 

@@ -8,7 +8,7 @@ from datetime import datetime
 
 import psycopg
 
-from semap.model.relation import Cause, Kind
+from semap.model.relation import Cause, Direction, Kind
 from semap.replication.pgoutput import Change
 from semap.replication.snapshot import begin_at_snapshot
 from semap.replication.stream import start
@@ -17,28 +17,52 @@ from semap.timeline.stamp import parse_stamp, to_datetime
 
 PUBLICATIONS = ("semap_change",)
 HOLDS = """
-    select n.track_id, t.name, n.instance_id, r.instance_name, n.since
-    from semap.relation n join semap.region r using (region_id) join semap.track t using (track_id)
-    where n.query_id = %s order by r.instance_name, t.name, n.track_id
+    select track_id, track, subject_instance_id, subject_instance, instance_id, instance, object_track_id,
+           object_track, since
+    from semap.relation_now where query_id = %s
+    order by object, subject, track_id, subject_instance_id
 """
 
 
 @dataclass(frozen=True)
 class Delta:
-    """A relation that holds (`kind` None), or that began or ended.
+    """A relation that holds (`kind` None), or that began or ended, or a line that was crossed.
 
-    at     when the boundary was crossed; of one that holds, since when
-    known  when that was known; None of one that holds
+    The subject is a track or an instance, the object an instance or a track.
+
+    at         when the boundary was crossed; of one that holds, since when
+    known      when that was known; None of one that holds
+    x_m, y_m   where it was crossed, if that is known [m, map frame]
+    direction  of a line that was crossed, seen along it
+    door       by which it came in or went out, if that is known
     """
 
     kind: Kind | None
     cause: Cause | None
-    track_id: int
-    track: str
-    instance_id: int
-    instance: str
+    track_id: int | None
+    track: str | None
+    subject_instance_id: int | None
+    subject_instance: str | None
+    instance_id: int | None
+    instance: str | None
+    object_track_id: int | None
+    object_track: str | None
     at: datetime
     known: datetime | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    direction: Direction | None = None
+    door: str | None = None
+
+    @property
+    def subject(self) -> str:
+        """The name of the subject, whichever kind it is."""
+        return self.track or self.subject_instance or ""
+
+    @property
+    def object(self) -> str:
+        """The name of the object, whichever kind it is."""
+        return self.instance or self.object_track or ""
 
 
 def watch_query(dsn: str, query_id: int, patience_s: float = 0.5) -> Iterator[Delta | None]:
@@ -83,13 +107,29 @@ def _delta(change: Change) -> Delta:
     def stamp(column: str) -> datetime:
         return to_datetime(parse_stamp(row[column] or ""))
 
+    def number(column: str) -> int | None:
+        text = row[column]
+        return None if text is None else int(text)
+
+    def metres(column: str) -> float | None:
+        text = row[column]
+        return None if text is None else float(text)
+
     return Delta(
         row["kind"],  # type: ignore[arg-type]
         row["cause"],  # type: ignore[arg-type]
-        int(row["track_id"] or 0),
-        row["track_name"] or "",
-        int(row["instance_id"] or 0),
-        row["instance_name"] or "",
+        number("track_id"),
+        row["track_name"],
+        number("subject_instance_id"),
+        row["subject_instance_name"],
+        number("instance_id"),
+        row["instance_name"],
+        number("object_track_id"),
+        row["object_track_name"],
         stamp("edge_at"),
         stamp("stamp"),
+        metres("x_m"),
+        metres("y_m"),
+        row["direction"],  # type: ignore[arg-type]
+        row["door_name"],
     )

@@ -21,20 +21,19 @@ from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
 from semap.store.database import connect, translated
 from semap.timeline.stamp import to_us
-from semap.worker.input_row import READERS
+from semap.worker.input_row import READERS, RELATION_COLUMNS
 from semap.worker.map_facts import load_map_facts
 from semap.worker.progress import ROLE, WORKER, Made, Progress, commit_progress, load_progress
 from semap.worker.stretch import Stretch
 
 SINCE = {
-    "relation_change": """
-        select map_id::text, uid::text, query_name, track_id::text, track_name, instance_id::text,
-               instance_name, kind::text, cause::text, stamp::text, since::text, edge_at::text,
+    "relation_change": f"""
+        select map_id::text, {RELATION_COLUMNS},
                case when c.received_at > p.updated_at then 't' else 'f' end as is_new
         from semap.relation_change c, semap.progress p
         where p.worker = %(worker)s and c.received_at > p.updated_at - interval '10 minutes'
         order by c.change_id
-    """,
+    """,  # noqa: S608  (a constant)
     "object_state": """
         select map_id::text, uid::text, property, value, previous, instance_id::text, instance_name,
                stamp::text, since::text, attributes::text,

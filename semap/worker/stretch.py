@@ -28,6 +28,7 @@ from semap.worker.inputs import (
     source_change,
 )
 from semap.worker.map_facts import TABLES as MAP_TABLES
+from semap.worker.map_facts import MapFacts
 from semap.worker.progress import Made, Progress
 from semap.worker.visibility import await_visible
 
@@ -118,7 +119,7 @@ class Stretch:
         return {
             place: READERS[change.table](change.row, facts)
             for place, change in enumerate(transaction.changes)
-            if is_ended_by_the_map(change) and facts.of(integer_of(change.row, "instance_id")) is not None
+            if is_ended_by_the_map(change) and _is_to_known(change, facts)
         }
 
     def _take_row(self, change: Change, row: Row | None) -> None:
@@ -183,3 +184,9 @@ class Stretch:
         self._unseen.clear()
         rows = changes_only(self._connection, due.rows)
         return replace(due, rows=enriched(self._connection, due.map_id, rows, needs))
+
+
+def _is_to_known(change: Change, facts: MapFacts) -> bool:
+    """Whether it is related to an instance of which something is known."""
+    instance_id = change.row["instance_id"]
+    return instance_id is not None and facts.of(int(instance_id)) is not None

@@ -16,6 +16,7 @@ from semap.timeline.stamp import to_datetime
 
 NOTHING: Mapping[str, Value] = {}
 OF_TRACK = ("track", "track_id")
+OF_OTHERS = ("subject", "subject_id", "other", "other_id", "direction")
 OF_INSTANCE = (
     "instance",
     "instance_id",
@@ -72,7 +73,7 @@ class EventMaker:
             of_instance.get("instance_id"),  # type: ignore[arg-type]
             of_instance.get("instance"),  # type: ignore[arg-type]
             self._key_by_name(key, match, of_track),
-            _with_confirmation(match),
+            self._told(match),
             match.confidence,
             tuple(evidence),
         )
@@ -112,6 +113,14 @@ class EventMaker:
         first = match.rows[0][1]
         since = first.values.get("since") if self._edges else None
         return since if isinstance(since, int) else first.own_stamp_us
+
+    def _told(self, match: Match) -> Mapping[str, Value]:
+        """What the match measures, with what a change of a relation says for which an event has no place."""
+        told = _with_confirmation(match)
+        if not self._edges:
+            return told
+        values = match.rows[-1][1].values
+        return {**{name: values[name] for name in OF_OTHERS if values.get(name) is not None}, **told}
 
     def _event_id(self, key: Key, match: Match) -> UUID:
         if self._room_place is not None and any("rooms" in row.values for _, row in match.rows):

@@ -9,9 +9,9 @@ from typing import TypeAlias
 from semap.rules.row import Row, Value
 
 Key: TypeAlias = tuple[int | float | str, ...]
-"""One value for each property of `partition_by`; track, instance and room by their ids."""
+"""One value for each property of `partition_by`; things by their ids."""
 
-BY_ID = {"track": "track_id", "instance": "instance_id", "room": "room_id"}
+BY_ID = {name: f"{name}_id" for name in ("track", "subject", "other", "instance", "room", "door")}
 
 
 def key_text(key: Key) -> str:

@@ -1,4 +1,6 @@
-"""Who is where: the tracks in each instance by each query, as of the row taken last.
+"""Who is where: the subjects related to each instance by each query, as of the row taken last.
+
+They are tracks by their ids, or instances, whose ids are texts so that no track is taken for one.
 
 It belongs to one rule, which reads `occupants`: a rule that runs alone over the past counts by itself.
 """
@@ -6,7 +8,7 @@ It belongs to one rule, which reads `occupants`: a rule that runs alone over the
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 from semap.rules.row import Row, Value
@@ -23,17 +25,17 @@ class Presence:
         self._changed: set[Place] = set()
 
     def after(self, row: Row) -> Row:
-        """Take a row; gives it with its `occupants`, or as it is where it is no relation's."""
-        if row.source != "relation":
-            return row
+        """Take a row; gives it with its `occupants`, or as it is where it is no relation to an instance."""
         values = row.values
+        if row.source != "relation" or values.get("instance_id") is None:
+            return row
         place = (str(values.get("input")), int(str(values.get("instance_id"))))
         tracks = self._tracks.setdefault(place, set())
         before = len(tracks)
         if values.get("type") == "began":
-            tracks.add(values.get("track_id"))
-        else:
-            tracks.discard(values.get("track_id"))
+            tracks.add(_subject(values))
+        elif values.get("type") == "ended":
+            tracks.discard(_subject(values))
         if len(tracks) != before:
             self._changed.add(place)
         if not tracks:
@@ -55,6 +57,11 @@ class Presence:
     def texts(self) -> Iterable[str]:
         """The places at which somebody is, as they are stored."""
         return [_text(place) for place in self._tracks]
+
+
+def _subject(values: Mapping[str, Value]) -> Value:
+    number = values.get("track_id")
+    return f"instance {values.get('subject_id')}" if number is None else number
 
 
 def is_place(text: str) -> bool:

@@ -19,6 +19,8 @@ from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime
 
 NEAR_US = 10_000_000
+SAID = ("input", "type", "track", "subject", "instance", "other", "direction")
+"""Properties by which a row is told from others."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,7 @@ def _asked_lines(asked: Asked) -> Iterator[str]:
 
 
 def _row(row: Row) -> str:
-    named = [str(row.values[name]) for name in ("input", "type", "track", "instance") if row.values.get(name)]
+    named = [str(row.values[name]) for name in SAID if row.values.get(name)]
     return f"{' '.join(named)} at {_at(row.own_stamp_us)}"
 
 

@@ -2,7 +2,8 @@
 
 A row is about a subject. A relation's `began` and an object's new state begin an interval of each variable
 whose condition is true of that row; the next row of the same subject ends it, be it the relation's `ended` or
-the object's next state. Rows that are no change of a subject (of the map, events) begin and end nothing.
+the object's next state. Rows that are no change of a subject (of the map, events, lines that are crossed)
+begin and end nothing.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import TypeAlias
 from semap.rules.bound import Bound, Condition
 from semap.rules.row import Row, Value
 
-Subject: TypeAlias = tuple[Value, Value, Value]
-"""Input, track_id and instance_id; an object's state has no track."""
+Subject: TypeAlias = tuple[Value, ...]
+"""Input, track_id, instance_id, and the ids of sides of other kinds; an object's state has no track."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,10 @@ class Interval:
 def subject_of(row: Row) -> Subject | None:
     """Whom the row is about; None where it is no change of one."""
     values = row.values
-    if row.source == "relation":
-        return values.get("input"), values.get("track_id"), values.get("instance_id")
+    if row.source == "relation" and values.get("type") != "crossed":
+        subject = values.get("input"), values.get("track_id"), values.get("instance_id")
+        others = values.get("subject_id"), values.get("other_id")
+        return subject if others == (None, None) else (*subject, *others)
     if row.source == "object_state":
         return values.get("input"), None, values.get("instance_id")
     return None

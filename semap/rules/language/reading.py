@@ -58,7 +58,7 @@ EMITS: Mapping[type[Body], tuple[str, ...]] = {
     IntervalPattern: ("match",),
     TemporalFormula: ("holds", "fails"),
 }
-EDGES = ("began", "ended")
+EDGES = ("began", "ended", "crossed")
 EMIT_REMEDY: Mapping[type[Body], str] = {
     Edges: "For example: emit: {began: entered, ended: left}",
     RowPattern: "For example: emit: opened_then_entered, or emit: {match: a, timeout: b}",
@@ -243,7 +243,7 @@ def _require_sense(declaration: Declaration) -> None:
 
 
 def _require_edges(emit: Collection[str], inputs: Sequence[Input]) -> None:
-    """Of a query a row is `began` or `ended`; a word very close to these is one that is misspelt."""
+    """A row of a query is `began`, `ended` or `crossed`; a word very close to these is misspelt."""
     may_be_query = all(item.kind in (None, "query") for item in inputs)
     only_queries = all(item.kind == "query" for item in inputs)
     for key in emit:

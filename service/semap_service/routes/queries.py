@@ -241,7 +241,7 @@ class QueryResult(Document):
     """What holds by a query now."""
 
     rows: list[dict[str, Any]] = Field(
-        description="The columns that the query selects (the names and ids of both sides where it selects none)"
+        description="The columns that the query selects (where it selects none, names and ids of both sides)"
         " and `since`; shapes are GeoJSON in metres of the map.",
         examples=[[{"room_name": "Room07", "track_name": "person 3", "since": "2026-01-31T12:00:00+00:00"}]],
     )

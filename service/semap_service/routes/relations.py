@@ -68,7 +68,9 @@ RelationAfter = Annotated[
 def list_relations(
     database: Database,
     map_name: MapFilter = None,
-    track: Annotated[Name | None, Query(description="Only of the tracks of this name, on either side.")] = None,
+    track: Annotated[
+        Name | None, Query(description="Only of the tracks of this name, on either side.")
+    ] = None,
     room: Annotated[
         Name | None, Query(description="Only of the instances of this name, on either side.")
     ] = None,
