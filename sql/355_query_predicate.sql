@@ -19,7 +19,7 @@ comment on function semap_query.is_in is
   'Whether the subject is in the object: in its footprint, and within its heights.';
 
 -- Whether the subject stands on the object: an instance as semap.on_objects has it; a track that is over the object's
--- footprint and, where its height is known, within 5 cm of the object's top.
+-- footprint and, where its height is known, from 10 cm below the object's top to 50 cm above.
 create or replace function semap_query.is_on(p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 begin
@@ -27,7 +27,8 @@ begin
     return false;
   elsif p_subject.kind = 'track' then
     return public.st_covers(p_object.footprint, p_subject.position)
-       and (p_subject.z_m is null or abs(p_subject.z_m - p_object.z_max_m) <= 0.05);
+       and (p_subject.z_m is null
+            or p_subject.z_m >= p_object.z_max_m - 0.1 and p_subject.z_m < p_object.z_max_m + 0.5);
   end if;
   return exists (select from semap.on_objects(array[p_object.id], array[p_subject.id]));
 end $$;
@@ -153,11 +154,14 @@ end $$;
 comment on function semap_query.faces is
   'Whether a track''s heading is within an angle [rad] of the bearing of the object''s position.';
 
--- Whether the distance from a track to the object falls by a speed [m/s] or more, as heading and speed say it: to the
--- nearest point of an instance's footprint (of its position where it has none), or to another track's position, which may
--- move, too. False where they meet; null where the track's heading or speed is not known.
-create or replace function semap_query.approaches(p_subject record, p_object record, p_speed_mps double precision)
-returns boolean
+-- Whether the distance from a track to the object falls by a speed [m/s] or more, while they are at most a distance [m]
+-- apart: to the nearest point of an instance's footprint (of its position where it has none), or to another track's
+-- position, which may move, too. A row has no state before, so that heading and speed say how the distance changes, where a
+-- query that is kept compares the distances at successive states. False where they meet; null where the track's heading or
+-- speed is not known.
+create or replace function semap_query.approaches(
+  p_subject record, p_object record, p_speed_mps double precision, p_distance_m double precision
+) returns boolean
 language plpgsql stable parallel safe as $$
 declare
   v_shape   public.geometry := case when p_object.kind = 'track' then p_object.position
@@ -167,7 +171,7 @@ declare
   v_y_mps   double precision := p_subject.speed_mps * sin(p_subject.heading_rad);
   v_line_m  double precision := public.st_length(v_line);
 begin
-  if p_subject.map_id <> p_object.map_id or v_line_m = 0 then
+  if p_subject.map_id <> p_object.map_id or v_line_m = 0 or v_line_m > p_distance_m then
     return false;
   end if;
   if p_object.kind = 'track' then
@@ -178,9 +182,10 @@ begin
           + v_y_mps * (public.st_y(public.st_endpoint(v_line)) - p_subject.y_m)) / v_line_m >= p_speed_mps;
 end $$;
 comment on function semap_query.approaches is
-  'Whether the distance from a track to the object falls by a speed [m/s] or more, as heading and speed say it.';
+  'Whether the distance from a track to the object falls by a speed [m/s] or more, while they are at most a distance apart.';
 
--- Whether the straight way of a track from the state before its present one meets the object's footprint.
+-- Whether the straight way of a track from the state before its present one meets the object's footprint. A query that is
+-- kept tells each crossing of its line or boundary as it happens; a way that stays inside an area crosses nothing then.
 create or replace function semap_query.crosses(p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare

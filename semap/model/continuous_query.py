@@ -30,6 +30,7 @@ Predicate = Literal[
 ]
 Kind = Literal["track", "instance"]
 Direction = Literal["left_to_right", "right_to_left"]
+"""Of crossing a line, seen along it in the order of its vertices."""
 
 OF_PAIRS = ("intersects", "nearest", "crosses", "facing", "approaching")
 """Predicates that ask more than where a track is."""
@@ -100,7 +101,8 @@ class BetweenSamples:
 class Declaration:
     """A continuous query.
 
-    distance_m      of within_distance; how far in front of, behind, left or right of something reaches
+    distance_m      of within_distance; how far in front of, behind, left or right of something reaches;
+                    within which something is approached, and, if given, faced or among the nearest
     count           of nearest
     angle_rad       of facing
     speed_mps       of approaching
@@ -134,6 +136,8 @@ class Declaration:
         return (self.subject.kind, self.object.kind) != ("track", "instance") or self.predicate in OF_PAIRS
 
 
+SIDES: Mapping[str, Kind] = {"subject": "track", "object": "instance"}
+"""What each side is of where nothing else is said."""
 PARTS = {"debounce": Debounce, "certainty": Certainty, "between_samples": BetweenSamples}
 
 
@@ -149,7 +153,7 @@ def options_of(declaration: Declaration) -> Mapping[str, object]:
             continue
         if isinstance(value, Side):
             value = {
-                "kind": None if value.kind == getattr(plain, each.name).kind else value.kind,
+                "kind": None if value.kind == SIDES[each.name] else value.kind,
                 "concept": None if each.name == "object" else value.concept,
                 "uids": None if value.uids is None else [str(uid) for uid in value.uids],
                 "where": None if value.where is None else dict(value.where),
@@ -173,7 +177,7 @@ def declared(name: str, predicate: str, concept: str | None, options: Mapping[st
         for part, kind in PARTS.items():
             if part in said:
                 said[part] = kind(**said[part])
-        for side, kind_of in (("subject", "track"), ("object", "instance")):
+        for side, kind_of in SIDES.items():
             given = dict(said.pop(side, {}))
             uids = given.pop("uids", None)
             said[side] = Side(

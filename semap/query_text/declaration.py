@@ -89,13 +89,8 @@ class _Reading:
             relation.predicate,
             sides[relation.subject],
             sides[relation.object],
-            distance_m=relation.distance_m,
-            count=relation.count,
-            angle_rad=relation.angle_rad,
-            speed_mps=relation.speed_mps,
-            abstraction=relation.abstraction,
-            dimensions=relation.dimensions,
             payload=payload_of(select.outputs, scope, relation),
+            **relation.parameters,
         )
 
     def _name_sources(self, ranges: Sequence[Range]) -> None:
@@ -167,7 +162,7 @@ class _Reading:
             raise Refusal("order by", select.order.at)
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
             raise Refusal("limit count", select.limit.at)
-        nearest = replace(near_by(*between, self.views), predicate="nearest", count=count)
+        nearest = replace(near_by(*between, self.views).told(count=count), predicate="nearest")
         self.limited = side
         self.found.relations.append((replace(nearest, subject=1 - side, object=side), order.at))
 

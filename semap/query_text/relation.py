@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from semap.model.continuous_query import Predicate
 from semap.query_text.refusal import Refusal
@@ -24,21 +24,60 @@ HOLDING: Mapping[str, tuple[Predicate, int]] = {
 NEAR: Mapping[str, Literal[2, 3]] = {"st_dwithin": 2, "st_3ddwithin": 3}
 DISTANCES: Mapping[str, Literal[2, 3]] = {"st_distance": 2, "st_3ddistance": 3}
 
-OF_ROWS: Mapping[str, tuple[Predicate, str, bool]] = {
-    "is_in": ("contains", "is_in(t, r)", True),
-    "is_near": ("within_distance", "is_near(t, d, 1)", False),
-    "is_on": ("on", "is_on(c, d)", True),
-    "in_front_of": ("in_front_of", "in_front_of(t, d)", True),
-    "behind": ("behind", "behind(t, d)", True),
-    "left_of": ("left_of", "left_of(t, d)", True),
-    "right_of": ("right_of", "right_of(t, d)", True),
-    "crosses": ("crosses", "crosses(t, d)", True),
-    "faces": ("facing", "faces(t, d, radians(15))", False),
-    "approaches": ("approaching", "approaches(t, d, 0.5)", False),
+
+@dataclass(frozen=True)
+class Number:
+    """An argument that is a number, by the name that `Declaration` has for it."""
+
+    name: str
+    what: str
+    highest: float = math.inf
+    may_be_zero: bool = False
+
+
+DISTANCE = Number("distance_m", "the distance", may_be_zero=True)
+
+
+@dataclass(frozen=True)
+class OfRows:
+    """One of semap's own predicates, of two rows.
+
+    numbers      what follows the rows
+    of_instance  the object is an instance
+    by_track     the subject is a track
+    parameters   what it always means, as `Declaration` has it
+    """
+
+    predicate: Predicate
+    usage: str
+    numbers: tuple[Number, ...] = ()
+    of_instance: bool = False
+    by_track: bool = False
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+REACH_M = 10.0
+"""How far the directions of `semap_query` reach."""
+BESIDE: tuple[Predicate, ...] = ("in_front_of", "behind", "left_of", "right_of")
+OF_ROWS: Mapping[str, OfRows] = {
+    "is_in": OfRows("contains", "is_in(t, r)", of_instance=True),
+    "is_near": OfRows("within_distance", "is_near(t, d, 1)", (DISTANCE,)),
+    "is_on": OfRows("on", "is_on(c, d)", of_instance=True),
+    **{
+        name: OfRows(name, f"{name}(t, d)", of_instance=True, parameters={"distance_m": REACH_M})
+        for name in BESIDE
+    },
+    "crosses": OfRows("crosses", "crosses(t, d)", of_instance=True, by_track=True),
+    "faces": OfRows(
+        "facing", "faces(t, d, radians(15))", (Number("angle_rad", "the angle", math.pi),), by_track=True
+    ),
+    "approaches": OfRows(
+        "approaching",
+        "approaches(t, d, 0.5, 10)",
+        (Number("speed_mps", "the speed"), DISTANCE),
+        by_track=True,
+    ),
 }
-"""semap's own predicates, of two rows: the predicate, how it is used, whether the object is an instance."""
-OF_TRACKS = ("crosses", "faces", "approaches")
-"""Of which the subject is a track."""
 
 UNKEPT: Mapping[str, str] = {
     "st_touches": "Use ST_DWithin with a distance.",
@@ -69,17 +108,19 @@ SPATIAL = {*HOLDING, *NEAR, *DISTANCES, *OF_ROWS, *UNKEPT, "st_intersects", "<->
 
 @dataclass(frozen=True)
 class Relation:
-    """What ties the sides together, as `Declaration` has it; subject and object are sides."""
+    """What ties the sides together; subject and object are sides.
+
+    parameters  as `Declaration` has them
+    """
 
     predicate: Predicate
     subject: int
     object: int
-    distance_m: float | None = None
-    count: int | None = None
-    angle_rad: float | None = None
-    speed_mps: float | None = None
-    abstraction: str = "Footprint"
-    dimensions: Literal[2, 3] = 3
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def told(self, **parameters: Any) -> Relation:
+        """The same with these parameters, too."""
+        return replace(self, parameters={**self.parameters, **parameters})
 
 
 def is_spatial(expression: Expression) -> bool:
@@ -108,8 +149,8 @@ def relation_of(expression: Expression, views: Views) -> Relation:
             return _intersecting(_shape(args[0], views), _shape(args[1], views), views)
         case Function(name=name, args=args) if name in NEAR:
             _require_count(expression, 3)
-            distance_m = _number(args[2], "the distance", 0, math.inf)
-            return replace(near_by(args[0], args[1], name, NEAR[name], views), distance_m=distance_m)
+            distance_m = _number(args[2], DISTANCE)
+            return near_by(args[0], args[1], name, NEAR[name], views).told(distance_m=distance_m)
         case Call(op="<" | "<=" | ">" | ">=" | "=" | "<>", args=(left, right)):
             return _compared_distance(expression, left, right, views)
         case Function(name=name, at=at) | Call(op=name, at=at) if name in UNKEPT:
@@ -157,10 +198,7 @@ def near_by(a: Expression, b: Expression, function: str, dimensions: Literal[2, 
             raise Refusal("shell" if is_solid else "flat", each.at, what=each.name, function=function)
     subject, object_ = sorted(shapes, key=lambda each: views[each.side].kind != "track")
     _require_two(subject, object_)
-    abstraction = _abstraction(shapes, views)
-    return Relation(
-        "within_distance", subject.side, object_.side, abstraction=abstraction, dimensions=dimensions
-    )
+    return _compared("within_distance", subject, object_, dimensions, views)
 
 
 def _compared_distance(whole: Call, left: Expression, right: Expression, views: Views) -> Relation:
@@ -177,12 +215,12 @@ def _compared_distance(whole: Call, left: Expression, right: Expression, views: 
         raise Refusal("beyond", left.at)
     if whole.op not in ("<", "<="):
         raise Refusal("distance", left.at)
-    distance_m = _number(right, "the distance", 0, math.inf)
+    distance_m = _number(right, DISTANCE)
     if whole.op == "<":
         if distance_m == 0:
             raise Refusal("number", right.at, what="the distance", range="is above 0")
         distance_m = math.nextafter(distance_m, 0)  # the next one that is less
-    return replace(near_by(*between, views), distance_m=distance_m)
+    return near_by(*between, views).told(distance_m=distance_m)
 
 
 def _symbol(expression: Function | Call) -> str:
@@ -198,8 +236,7 @@ def _holding(predicate: Predicate, area: Property, inner: Property, function: st
     elif ABSTRACTIONS[inner.name] in OF_SPACE:
         raise Refusal("solid", inner.at, what=inner.name, function=function)
     _require_two(inner, area)
-    abstraction = _abstraction((inner, area), views)
-    return Relation(predicate, inner.side, area.side, abstraction=abstraction, dimensions=2)
+    return _compared(predicate, inner, area, 2, views)
 
 
 def _intersecting(a: Property, b: Property, views: Views) -> Relation:
@@ -215,34 +252,29 @@ def _intersecting(a: Property, b: Property, views: Views) -> Relation:
     for each in (subject, object_):
         if views[each.side].kind == "instance":
             _require_area(each, "ST_Intersects")
-    abstraction = _abstraction((subject, object_), views)
-    return Relation("intersects", subject.side, object_.side, abstraction=abstraction, dimensions=2)
+    return _compared("intersects", subject, object_, 2, views)
 
 
 def _of_rows(name: str, args: Sequence[Expression], at: int, views: Views) -> Relation:
-    predicate, usage, of_instance = OF_ROWS[name]
-    count = usage.count(",") + 1
+    known = OF_ROWS[name]
+    count = 2 + len(known.numbers)
     if len(args) != count:
-        raise Refusal("arguments", at, what=name, count=f"{count} arguments", usage=usage)
+        raise Refusal("arguments", at, what=name, count=f"{count} arguments", usage=known.usage)
     subject, object_ = args[0], args[1]
     for each in (subject, object_):
         if not isinstance(each, Row):
-            raise Refusal("rows", each.at, what=name, usage=usage)
+            raise Refusal("rows", each.at, what=name, usage=known.usage)
     assert isinstance(subject, Row) and isinstance(object_, Row)  # noqa: S101, PT018  (seen above)
     if subject.side == object_.side:
         raise Refusal("one side", at)
-    if of_instance and views[object_.side].kind == "track":
-        raise Refusal("object track", object_.at, what=name, usage=usage)
-    if name in OF_TRACKS and views[subject.side].kind == "instance":
-        raise Refusal("subject instance", subject.at, what=name, usage=usage)
-    found = Relation(predicate, subject.side, object_.side)
-    if name == "is_near":
-        distance_m = _number(args[2], "the distance", 0, math.inf)
-        return replace(found, distance_m=distance_m, abstraction="BoundingHull")
-    if name == "faces":
-        return replace(found, angle_rad=_number(args[2], "the angle", 0, math.pi))
-    if name == "approaches":
-        return replace(found, speed_mps=_number(args[2], "the speed", 0, math.inf))
+    if known.of_instance and views[object_.side].kind == "track":
+        raise Refusal("object track", object_.at, what=name, usage=known.usage)
+    if known.by_track and views[subject.side].kind == "instance":
+        raise Refusal("subject instance", subject.at, what=name, usage=known.usage)
+    numbers = {each.name: _number(arg, each) for each, arg in zip(known.numbers, args[2:], strict=True)}
+    found = Relation(known.predicate, subject.side, object_.side, {**known.parameters, **numbers})
+    if name == "is_near" and any(each.kind == "instance" for each in views):
+        return found.told(abstraction="BoundingHull")
     return found
 
 
@@ -284,22 +316,29 @@ def _require_two(a: Property, b: Property) -> None:
         raise Refusal("one side", a.at)
 
 
-def _abstraction(shapes: Sequence[Property], views: Views) -> str:
-    compared = [each for each in shapes if views[each.side].kind == "instance"]
-    names = {each.name for each in compared}
+def _compared(
+    predicate: Predicate, subject: Property, object_: Property, dimensions: Literal[2, 3], views: Views
+) -> Relation:
+    """A relation of two shapes; all instances in it are compared by one abstraction."""
+    of_instances = [each for each in (subject, object_) if views[each.side].kind == "instance"]
+    names = sorted({each.name for each in of_instances})
     if len(names) > 1:
-        raise Refusal("two abstractions", compared[0].at, what=" and ".join(sorted(names)))
-    return ABSTRACTIONS[names.pop()] if names else "Footprint"
+        raise Refusal("two abstractions", of_instances[0].at, what=" and ".join(names))
+    found = Relation(predicate, subject.side, object_.side, {"dimensions": dimensions})
+    return found.told(abstraction=ABSTRACTIONS[names[0]]) if names else found
 
 
-def _number(expression: Expression, what: str, low: float, high: float) -> float:
+def _number(expression: Expression, wanted: Number) -> float:
     value: float | None = None
     match expression:
         case Constant(value=int() | float() as number) if not isinstance(number, bool):
             value = float(number)
         case Function(name="radians", args=(Constant(value=int() | float() as degrees),)):
             value = math.radians(degrees)
-    if value is None or not low <= value <= high:
-        limits = f"is at least {low:g}" + ("" if high == math.inf else f" and at most {high:.4g}")
-        raise Refusal("number", expression.at, what=what, range=limits)
+    is_low = value is None or value < 0 or (value == 0 and not wanted.may_be_zero)
+    if value is None or is_low or not value <= wanted.highest or value == math.inf:
+        limits = "is at least 0" if wanted.may_be_zero else "is above 0"
+        if wanted.highest < math.inf:
+            limits += f" and at most {wanted.highest:.4g}"
+        raise Refusal("number", expression.at, what=wanted.what, range=limits)
     return value

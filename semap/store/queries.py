@@ -27,12 +27,10 @@ from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
-Kept = Predicate
-"""Predicates that can be kept true: all there are."""
 Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D", "Line"]
 """Abstractions that can be compared as they are seen from above."""
 
-KEPT: tuple[str, ...] = get_args(Kept)
+KEPT: tuple[str, ...] = get_args(Predicate)
 FLAT: tuple[str, ...] = get_args(Flat)
 ASKED_OF: Mapping[Kind, list[str]] = {
     "track": ["name", "source", "attributes"],
@@ -40,14 +38,35 @@ ASKED_OF: Mapping[Kind, list[str]] = {
 }
 """What a condition may ask."""
 
-NEED_DISTANCE = ("within_distance", "in_front_of", "behind", "left_of", "right_of", "approaching")
-MAY_HAVE_DISTANCE = (*NEED_DISTANCE, "nearest", "facing")
-NEEDS: Mapping[str, tuple[str, str]] = {
-    "nearest": ("count", "how many"),
-    "facing": ("angle_rad", "the angle [rad] to either side"),
-    "approaching": ("speed_mps", "how fast [m/s]"),
+BESIDE = ("in_front_of", "behind", "left_of", "right_of")
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    "within_distance": ("distance_m",),
+    **dict.fromkeys(BESIDE, ("distance_m",)),
+    "nearest": ("count",),
+    "facing": ("angle_rad",),
+    "approaching": ("speed_mps", "distance_m"),
 }
-"""What a predicate cannot do without and no other takes."""
+"""What a predicate needs to be told."""
+TAKEN: Mapping[str, tuple[str, ...]] = {
+    "nearest": ("distance_m",),
+    "facing": ("distance_m",),
+    "crosses": ("direction",),
+}
+"""What it may be told besides."""
+PARAMETERS: Mapping[str, tuple[str, str]] = {
+    "distance_m": ("distance", "Say how far it reaches [m]: --distance, distance_m."),
+    "count": ("count", "Say how many the nearest are, 1 to 100: --count, count."),
+    "angle_rad": ("angle", "Say how far the heading may be off: --angle [degrees], angle_rad."),
+    "speed_mps": ("speed", "Say how fast the distance has to fall [m/s]: --speed, speed_mps."),
+    "direction": ("direction", "Say left_to_right or right_to_left: --direction, direction."),
+}
+"""What each parameter is called, and how it is said."""
+SIDES_OF: Mapping[str, tuple[tuple[Kind, Kind], ...]] = {
+    "crosses": (("track", "instance"),),
+    "approaching": (("track", "instance"), ("track", "track"), ("instance", "track")),
+    "on": (("track", "instance"), ("instance", "instance")),
+}
+"""Which kinds of subject and object a predicate may relate, where not all."""
 HAVE_MARGINS = (
     "contains",
     "covers",
@@ -234,11 +253,7 @@ def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str,
         "predicate": declaration.predicate,
         **_side(connection, "object", declaration.object),
         **_side(connection, "subject", declaration.subject),
-        "distance_m": declaration.distance_m,
-        "count": declaration.count,
-        "angle_rad": declaration.angle_rad,
-        "speed_mps": declaration.speed_mps,
-        "direction": declaration.direction,
+        **{name: getattr(declaration, name) for name in PARAMETERS},
         "abstraction": declaration.abstraction,
         "dimensions": declaration.dimensions,
         "enter_margin_m": declaration.debounce.enter_margin_m,
@@ -260,56 +275,41 @@ def _check(declaration: Declaration) -> None:
         raise InvalidInput(
             f"the predicate {declaration.predicate} cannot be kept true", f"Use one of {', '.join(KEPT)}."
         )
-    if declaration.abstraction not in FLAT:
+    _check_sides(declaration)
+    _check_parameters(declaration)
+    if declaration.in_pairs:
+        _check_edges_of_pairs(declaration)
+    kinds = declaration.subject.kind, declaration.object.kind
+    if "instance" in kinds and declaration.abstraction not in FLAT:
         raise InvalidInput(
-            f"tracks cannot be compared with the abstraction {declaration.abstraction}",
+            f"what is kept true is not of the abstraction {declaration.abstraction}",
             f"Use one of {', '.join(FLAT)}.",
         )
     if declaration.abstraction == "Line" and declaration.predicate != "crosses":
         raise InvalidInput("only crosses compares lines", "Use the abstraction Footprint.")
-    _check_parameters(declaration)
-    _check_sides(declaration)
-    if declaration.in_pairs:
-        _check_edges_of_pairs(declaration)
-
-
-def _check_parameters(declaration: Declaration) -> None:
-    """raises InvalidInput"""
-    predicate = declaration.predicate
-    if predicate in NEED_DISTANCE and declaration.distance_m is None:
-        raise InvalidInput(
-            f"{predicate} needs a distance", "Say how far it reaches [m]: --distance, distance_m."
-        )
-    if declaration.distance_m is not None and predicate not in MAY_HAVE_DISTANCE:
-        raise InvalidInput(f"{predicate} takes no distance", "Leave it out.")
-    for of, (name, what) in NEEDS.items():
-        given = getattr(declaration, name)
-        if predicate == of and given is None:
-            raise InvalidInput(f"{predicate} needs {name}", f"Say {what}: {name}.")
-        if predicate != of and given is not None:
-            raise InvalidInput(f"{predicate} takes no {name}, which is of {of}", "Leave it out.")
-    if declaration.direction is not None and predicate != "crosses":
-        raise InvalidInput(f"{predicate} takes no direction, which is of crosses", "Leave it out.")
 
 
 def _check_sides(declaration: Declaration) -> None:
-    """Whether the predicate means something between these; raises InvalidInput."""
-    subject, object_ = declaration.subject.kind, declaration.object.kind
-    if declaration.predicate == "crosses" and (subject, object_) != ("track", "instance"):
+    kinds = declaration.subject.kind, declaration.object.kind
+    possible = SIDES_OF.get(declaration.predicate)
+    if possible is not None and kinds not in possible:
+        known = " or ".join(f"{subject} to {object_}" for subject, object_ in possible)
         raise InvalidInput(
-            "only tracks cross, and only what stands still is crossed",
-            "Let the subject be tracks and the object instances.",
+            f"{declaration.predicate} does not relate {kinds[0]} to {kinds[1]}", f"It relates {known}."
         )
-    if declaration.predicate == "approaching" and "track" not in (subject, object_):
-        raise InvalidInput(
-            "of two instances neither approaches: they move when the map is edited",
-            "Let one side be tracks, or use within_distance.",
-        )
-    if declaration.predicate == "on" and object_ == "track":
-        raise InvalidInput(
-            "nothing stands on a track, whose top is not known",
-            "Let the object be instances, or use within_distance or intersects.",
-        )
+
+
+def _check_parameters(declaration: Declaration) -> None:
+    predicate = declaration.predicate
+    needed, taken = NEEDED.get(predicate, ()), TAKEN.get(predicate, ())
+    for name, (called, remedy) in PARAMETERS.items():
+        value = getattr(declaration, name)
+        if value is None and name in needed:
+            raise InvalidInput(f"{predicate} needs a {called}", remedy)
+        if value is not None and name not in needed + taken:
+            raise InvalidInput(f"{predicate} takes no {called}", "Leave it out.")
+        if isinstance(value, int | float) and name != "distance_m" and value <= 0:
+            raise InvalidInput(f"the {called} is not above 0", remedy)
 
 
 def _check_edges_of_pairs(declaration: Declaration) -> None:
@@ -381,11 +381,7 @@ def _declaration(columns: Mapping[str, Any]) -> Declaration:
         predicate=columns["predicate"],
         subject=_read_side("subject", columns),
         object=_read_side("object", columns),
-        distance_m=columns["distance_m"],
-        count=columns["count"],
-        angle_rad=columns["angle_rad"],
-        speed_mps=columns["speed_mps"],
-        direction=columns["direction"],
+        **{name: columns[name] for name in PARAMETERS},
         abstraction=columns["abstraction"],
         dimensions=columns["dimensions"],
         debounce=Debounce(

@@ -153,7 +153,7 @@ def test_a_database_without_a_schema(empty_database: str) -> None:
 
 
 def test_every_command_explains_itself() -> None:
-    names = ("up", "demo", "events", "work", "serve", "map", "ingest", "query", "rule", "concept", "db",
+    names = ("up", "demo", "events", "work", "serve", "map", "ingest", "query", "relations", "rule", "concept", "db",
              "recording", "simulate", "evaluate")  # fmt: skip
     pages = [
         ["--help"],

@@ -65,7 +65,7 @@ def holds(declaration: Declaration, s: One, o: One) -> bool:
         case "facing":
             return _faces(s, o, declaration.angle_rad or 0)
         case "approaching":
-            return _approaches(s, o, declaration.speed_mps or 0)
+            return _approaches(s, o, declaration.speed_mps or 0, declaration.distance_m or 0)
         case "crosses":
             assert isinstance(s, Walker)
             assert isinstance(o, Thing)
@@ -152,7 +152,7 @@ def _nearest(declaration: Declaration, subjects: list[One], objects: list[One]) 
 def _stands_on(s: One, o: One) -> bool:
     assert isinstance(o, Thing)
     if isinstance(s, Walker):
-        on_top = s.z_m is None or abs(s.z_m - o.heights[1]) <= 0.05
+        on_top = s.z_m is None or o.heights[1] - 0.1 <= s.z_m < o.heights[1] + 0.5
         return on_top and o.footprint.covers(shapely.Point(s.now))
     return abs(s.heights[0] - o.heights[1]) <= 0.05 and o.footprint.intersection(s.footprint).area > 0
 
@@ -185,14 +185,14 @@ def _faces(s: One, o: One, angle_rad: float) -> bool:
     return bool(abs(turn) <= angle_rad)
 
 
-def _approaches(s: One, o: One, speed_mps: float) -> bool:
+def _approaches(s: One, o: One, speed_mps: float, within_m: float) -> bool:
     """The distance a moment later is less by that speed."""
     assert isinstance(s, Walker)
     if s.heading_rad is None or s.speed_mps is None:
         return False
     moment_s = 1e-6
     there = shapely.Point(o.now) if isinstance(o, Walker) else o.footprint
-    if there.distance(shapely.Point(s.now)) == 0:
+    if not 0 < there.distance(shapely.Point(s.now)) <= within_m:
         return False
     later = there if isinstance(o, Thing) else shapely.Point(_later(o, moment_s))
     falls_m = there.distance(shapely.Point(s.now)) - later.distance(shapely.Point(_later(s, moment_s)))

@@ -26,6 +26,7 @@ from semap_service.cli import (
     queries,
     recompute,
     recording,
+    relations,
     rules,
     simulate,
     tokens,
@@ -70,6 +71,7 @@ def commands() -> typer.Typer:
     app.add_typer(recording.commands(), name="recording")
     app.command("events")(events.events)
     app.add_typer(queries.commands(), name="query")
+    app.command("relations")(relations.relations)
     app.add_typer(rules.commands(), name="rule")
     app.add_typer(tracks.commands(), name="track")
     app.add_typer(tokens.commands(), name="token")

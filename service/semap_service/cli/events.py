@@ -194,11 +194,15 @@ def _row(event: StoredEvent, stands: Standing) -> dict[str, Any]:
 def sentence(row: Mapping[str, Any]) -> str:
     """An event as a line for people, in colour on a terminal that has it."""
     # what a rule finds by room is about that room, whichever of its doors came last
-    said = [_hued(row["track"]), row["type"], row["key"].get("room") or row["instance"]]
-    if row["track"] is None and row["instance"] is None:
+    measures = dict(row["measures"])
+    subject, object_ = row["track"], row["key"].get("room") or row["instance"]
+    if row["cause"] is not None:
+        subject, object_ = subject or _side(measures, "subject"), object_ or _side(measures, "other")
+    said = [_hued(subject), row["type"], object_]
+    if subject is None and object_ is None:
         said += [f"{name} {value}" for name, value in row["key"].items()]
     notes = [WHY.get(row["cause"], "")]
-    notes += [f"{name} {_short(value)}" for name, value in row["measures"].items()]
+    notes += [f"{name} {_short(value)}" for name, value in measures.items()]
     if row["confidence"] is not None:
         notes.append(f"confidence {row['confidence']:.2f}")
     by = row["amended_by"]
@@ -207,6 +211,13 @@ def sentence(row: Mapping[str, Any]) -> str:
     line = " ".join(str(part) for part in said if part is not None)
     number = _faint(f"{row['seq']:>6}  {clock(row['stamp'])}")
     return f"{number}  {line}{_faint(f' ({remark})') if remark else ''}"
+
+
+def _side(measures: dict[str, Any], name: str) -> str | None:
+    """The other kind of side of a relation, which is taken out of what the event measures."""
+    measures.pop(f"{name}_id", None)
+    found: str | None = measures.pop(name, None)
+    return found
 
 
 def _hued(name: str | None) -> str | None:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semap.model.continuous_query import (
-    DEFAULT_DEBOUNCE,
-    BetweenSamples,
-    Certainty,
-    Debounce,
-    Declaration,
-    Side,
-)
+from semap.model.continuous_query import Debounce, Declaration, Side
+from semap_service.cli import query_options as options
+from semap_service.cli import relations
 from semap_service.cli.output import clock, print_json_line, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
+from semap_service.cli.stamp import AsOf
 
 if TYPE_CHECKING:
     from semap.worker.query_watch import Delta
@@ -30,7 +27,7 @@ QueryId = Annotated[
 def commands() -> typer.Typer:
     app = typer.Typer(
         no_args_is_help=True,
-        help="Continuous queries: which relations between tracks and instances are kept true.",
+        help="Continuous queries: which relations of tracks and instances are kept true.",
     )
     app.command("list")(list_all)
     app.command("add")(add)
@@ -66,16 +63,21 @@ def _row(asked: Declaration, whole: bool) -> dict[str, Any]:
     if whole:
         return asdict(asked)
     extra = [
+        f"{asked.count} nearest" if asked.count is not None else "",
         f"{asked.distance_m:g} m" if asked.distance_m is not None else "",
-        "some tracks" if asked.subject != Side("track") else "",
+        f"{math.degrees(asked.angle_rad):g} degrees" if asked.angle_rad is not None else "",
+        f"{asked.speed_mps:g} m/s" if asked.speed_mps is not None else "",
+        (asked.direction or "").replace("_", " "),
+        "" if asked.subject == Side(asked.subject.kind) else f"some {asked.subject.kind}s",
         "debounced" if asked.debounce != Debounce() else "",
         "by probability" if asked.certainty is not None else "",
         "between samples" if asked.between_samples is not None else "",
     ]
     return {
         "name": asked.name,
+        "subject": asked.subject.concept or asked.subject.kind,
         "predicate": asked.predicate,
-        "concept": asked.object.concept or "any",
+        "object": asked.object.concept or asked.object.kind,
         "more": ", ".join(filter(None, extra)),
     }
 
@@ -83,97 +85,58 @@ def _row(asked: Declaration, whole: bool) -> dict[str, Any]:
 def add(
     name: Annotated[str, typer.Argument(help="A name for the query.")],
     map_name: Annotated[str, typer.Option("--map", help="The map it watches.")],
-    concept: Annotated[
-        str | None, typer.Option(help="Which instances, with the concepts below. [default: any]")
-    ] = None,
-    predicate: Annotated[
-        str,
-        typer.Option(
-            help="How they relate to a track: contains, covers, within_distance, on, in_front_of, behind,"
-            " left_of, right_of."
-        ),
-    ] = "contains",
-    distance: Annotated[
-        float | None, typer.Option(help="Of within_distance; how far a direction reaches [m].")
-    ] = None,
-    where: Annotated[
-        str | None,
-        typer.Option(help='Only instances of which this is true, in CQL2: "attributes.floor = 2".'),
-    ] = None,
-    track_where: Annotated[
-        str | None, typer.Option(help="Only tracks of which this is true: \"source = 'camera'\".")
-    ] = None,
-    track_concept: Annotated[str | None, typer.Option(help="Only tracks of this concept.")] = None,
-    abstraction: Annotated[
-        str, typer.Option(help="What of an instance is compared: Footprint, FootprintHull, Position2D ...")
-    ] = "Footprint",
-    flat: Annotated[bool, typer.Option("--flat", help="Heights do not count.")] = False,
-    debounce: Annotated[
-        bool,
-        typer.Option("--debounce", help="Let flicker at the boundary not count: --margin 0.15, both ways."),
-    ] = False,
-    margin: Annotated[
-        float | None, typer.Option(help="How far beyond the boundary counts as across, both ways [m].")
-    ] = None,
-    confirm: Annotated[
-        float | None, typer.Option(help="How long it has to stay across, both ways [s of event time].")
-    ] = None,
-    probability: Annotated[
-        float | None,
-        typer.Option(
-            help="Begin where it is so probable, end where the opposite is: 0.9.", min=0.5, max=0.999999
-        ),
-    ] = None,
-    between_samples: Annotated[
-        bool,
-        typer.Option(
-            "--between-samples",
-            help="Take the way between two samples as a straight line: exact times, no room is missed.",
-        ),
-    ] = False,
-    longest_gap: Annotated[float, typer.Option(help="No line over a longer pause than this [s].")] = 30.0,
-    fastest: Annotated[float, typer.Option(help="No line that asks for a higher speed [m/s].")] = 30.0,
-    sql: Annotated[
-        str | None,
-        typer.Option(help="Instead of the sides and the predicate: a SELECT over the views of semap_query."),
-    ] = None,
+    predicate: options.Predicate = "contains",
+    concept: options.Concept = None,
+    where: options.Where = None,
+    object_kind: options.ObjectKind = "instance",
+    subject_concept: options.SubjectConcept = None,
+    subject_where: options.SubjectWhere = None,
+    subject_kind: options.SubjectKind = "track",
+    distance: options.Distance = None,
+    count: options.Count = None,
+    angle: options.Angle = None,
+    speed: options.Speed = None,
+    direction: options.Direction = None,
+    abstraction: options.Abstraction = "Footprint",
+    flat: options.Flat = False,
+    debounce: options.Debounced = False,
+    margin: options.Margin = None,
+    confirm: options.Confirm = None,
+    probability: options.Probability = None,
+    between_samples: options.Between = False,
+    longest_gap: options.LongestGap = 30.0,
+    fastest: options.Fastest = 30.0,
+    sql: options.Sql = None,
     dsn: Dsn = None,
 ) -> None:
-    """Keep a relation of tracks to instances true, from now on. What holds now is noted at once.
+    """Keep a relation of tracks or instances true, from now on. What holds now is noted at once.
 
     semap query add near_door --map office --concept Door --predicate within_distance --distance 1
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import add_query, declaration_from_sql, read_condition  # noqa: PLC0415
+    from semap.store.queries import add_query, declaration_from_sql  # noqa: PLC0415
 
-    beside_m = margin if margin is not None else DEFAULT_DEBOUNCE.enter_margin_m if debounce else 0.0
-    declaration = Declaration(
+    edges = options.edges(
+        debounce, margin, confirm, probability, (longest_gap, fastest) if between_samples else None
+    )
+    asked = Declaration(
         name=name,
         predicate=predicate,  # type: ignore[arg-type]
-        subject=Side(
-            "track",
-            track_concept,
-            None,
-            None if track_where is None else read_condition(track_where, "--track-where"),
-        ),
-        object=Side("instance", concept, None, None if where is None else read_condition(where, "--where")),
+        subject=options.side(subject_kind, subject_concept, subject_where, "--subject-where"),
+        object=options.side(object_kind, concept, where, "--where"),
         distance_m=distance,
+        count=count,
+        angle_rad=None if angle is None else math.radians(angle),
+        speed_mps=speed,
+        direction=direction,  # type: ignore[arg-type]
         abstraction=abstraction,
         dimensions=2 if flat else 3,
-        debounce=Debounce(beside_m, beside_m, confirm or 0.0, confirm or 0.0),
-        certainty=None if probability is None else Certainty(probability, 1 - probability),
-        between_samples=BetweenSamples(longest_gap, fastest) if between_samples else None,
     )
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         if sql is not None:
-            in_sql = declaration_from_sql(connection, name, sql)
-            declaration = replace(
-                in_sql,
-                debounce=declaration.debounce,
-                certainty=declaration.certainty,
-                between_samples=declaration.between_samples,
-            )
-        made = add_query(connection, map_name, declaration, sql=sql)
+            options.require_plain(asked)
+            asked = declaration_from_sql(connection, name, sql)
+        made = add_query(connection, map_name, replace(asked, **edges), sql=sql)
     typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
 
@@ -207,26 +170,16 @@ def delete(query_id: QueryId, dsn: Dsn = None) -> None:
 
 
 def now(
+    name: Annotated[str | None, typer.Argument(help="Only by the query of this name.")] = None,
     map_name: MapOption = None,
     track: Annotated[str | None, typer.Option(help="Only this track.")] = None,
     room: Annotated[str | None, typer.Option(help="Only this instance.")] = None,
+    as_of: AsOf = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show which track is in which instance now, and since when."""
-    from semap.store.database import connect, translated  # noqa: PLC0415
-
-    with database(dsn) as opened, connect(opened, "semap_read") as connection, translated():
-        cursor = connection.execute(
-            "select map, query, track, instance, since from semap.relation_now"
-            " where (%(map)s::text is null or map = %(map)s)"
-            " and (%(track)s::text is null or track = %(track)s)"
-            " and (%(room)s::text is null or instance = %(room)s) order by map, instance, track",
-            {"map": map_name, "track": track, "room": room},
-        )
-        columns = [column.name for column in cursor.description or ()]
-        rows = [dict(zip(columns, row, strict=True)) for row in cursor.fetchall()]
-    print_rows(rows, as_json, "No relation holds now.")
+    """Show what holds now, and since when; or what held at a time, until when and how long."""
+    relations.show(relations.Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
 
 
 def watch(
@@ -240,7 +193,8 @@ def watch(
 ) -> None:
     """Show what holds now, and then each change as it is committed: none is missed, none comes twice.
 
-    `=` holds, `+` began, `-` ended; when the boundary was crossed and, if that was later, when it was known.
+    `=` holds, `+` began, `-` ended, `x` crossed a line; when the boundary was crossed and, if that was later,
+    when it was known.
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import find_query  # noqa: PLC0415
@@ -263,9 +217,10 @@ def watch(
 
 
 def _line(delta: Delta) -> str:
-    sign = {None: "=", "began": "+", "ended": "-"}[delta.kind]
+    sign = {None: "=", "began": "+", "ended": "-", "crossed": "x"}[delta.kind]
     at, known = clock(delta.at), ""
     if delta.known is not None and delta.known != delta.at:
         known = f"  (known {clock(delta.known)})"
+    direction = "" if delta.direction is None else f"  {delta.direction.replace('_', ' ')}"
     cause = "" if delta.cause in (None, "moved") else f"  {delta.cause}"
-    return f"{sign} {at}  {delta.track}  {delta.instance}{cause}{known}"
+    return f"{sign} {at}  {delta.subject}  {delta.object}{direction}{cause}{known}"

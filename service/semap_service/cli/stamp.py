@@ -23,6 +23,10 @@ From = Annotated[
         "--from", parser=read_stamp, metavar="STAMP", help="From then on, such as 2026-01-31T12:00:00Z."
     ),
 ]
+AsOf = Annotated[
+    datetime | None,
+    typer.Option("--as-of", parser=read_stamp, metavar="STAMP", help="As it was then. [default: now]"),
+]
 To = Annotated[datetime | None, typer.Option("--to", parser=read_stamp, metavar="STAMP", help="Before then.")]
 
 

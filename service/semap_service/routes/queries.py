@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from math import pi
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -11,7 +12,17 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
-from semap.model.continuous_query import BetweenSamples, Certainty, Debounce, Declaration, Kind, Side
+from semap.model.continuous_query import (
+    SIDES,
+    BetweenSamples,
+    Certainty,
+    Debounce,
+    Declaration,
+    Direction,
+    Kind,
+    Predicate,
+    Side,
+)
 from semap.store import queries
 from semap.store.maps import get_map
 from semap_service.document import (
@@ -43,6 +54,9 @@ class SideDocument(Request):
 
     model_config = ConfigDict(from_attributes=True)
 
+    kind: Kind | None = Field(
+        default=None, description="[default: the subjects are tracks, the objects instances]"
+    )
     concept: Name | None = Field(default=None, examples=["Room"], description="This concept or one below it.")
     uids: Annotated[list[UUID], Field(min_length=1, max_length=10_000)] | None = None
     where: Annotated[str, Field(max_length=8000)] | dict[str, Any] | None = Field(
@@ -85,20 +99,34 @@ class BetweenSamplesDocument(Request):
     fastest_mps: Annotated[float, Field(gt=0, le=1e4)] = 30.0
 
 
-IN_SQL = {"predicate", "concept", "subject", "object", "distance_m", "abstraction", "dimensions"}
+IN_SQL = {"predicate", "concept", "subject", "object", *queries.PARAMETERS, "abstraction", "dimensions"}
 
 
 class Asked(Request):
     """What a continuous query asks."""
 
     name: Name = Field(examples=["track_at_door"])
-    predicate: queries.Kept = Field("contains", description="Of the object, and the track as its subject.")
+    predicate: Predicate = Field("contains", description="What the subject is to the object, or it to that.")
     concept: Name | None = Field(
         None, examples=["Door"], description="Short for `object.concept`: this concept and those below it."
     )
-    subject: SideDocument = Field(SideDocument(), description="Which tracks.")
-    object: SideDocument = Field(SideDocument(), description="Which instances.")
-    distance_m: Metres | None = Field(None, description="Of within_distance; how far a direction reaches.")
+    subject: SideDocument = Field(SideDocument(), description="Which tracks, or instances.")
+    object: SideDocument = Field(SideDocument(), description="Which instances, or tracks.")
+    distance_m: Metres | None = Field(
+        None,
+        description="Of within_distance; how far a direction reaches; within which something is approached,"
+        " and, if given, faced or among the nearest.",
+    )
+    count: Annotated[int, Field(ge=1, le=100)] | None = Field(None, description="Of nearest: how many.")
+    angle_rad: Annotated[float, Field(gt=0, le=pi)] | None = Field(
+        None, description="Of facing: how far the heading may be off."
+    )
+    speed_mps: Annotated[float, Field(gt=0, le=1e4)] | None = Field(
+        None, description="Of approaching: how fast the distance falls, at least."
+    )
+    direction: Direction | None = Field(
+        None, description="Of crosses: seen along the line in the order of its vertices. null: both."
+    )
     abstraction: queries.Flat = "Footprint"
     dimensions: Literal[2, 3] = Field(3, description="3: heights count, too.")
     debounce: DebounceDocument = DebounceDocument()
@@ -123,9 +151,9 @@ class Asked(Request):
         return Declaration(
             name=self.name,
             predicate=self.predicate,
-            subject=_side("track", self.subject),
-            object=replace(_side("instance", self.object), concept=self.object.concept or self.concept),
-            distance_m=self.distance_m,
+            subject=_side("subject", self.subject),
+            object=replace(_side("object", self.object), concept=self.object.concept or self.concept),
+            **{name: getattr(self, name) for name in queries.PARAMETERS},
             abstraction=self.abstraction,
             dimensions=self.dimensions,
             **self._edges(),
@@ -158,7 +186,7 @@ class QueryChanges(Request):
 
 
 class QueryDocument(Document):
-    """A continuous query: while it is enabled, this relation of tracks to instances is kept true."""
+    """A continuous query: while it is enabled, this relation of its subjects to its objects is kept true."""
 
     id: int
     map: str = Field(examples=["office"])
@@ -168,6 +196,10 @@ class QueryDocument(Document):
     subject: SideDocument
     object: SideDocument
     distance_m: float | None
+    count: int | None
+    angle_rad: float | None
+    speed_mps: float | None
+    direction: Direction | None
     abstraction: str = Field(examples=["Footprint"])
     dimensions: int
     debounce: DebounceDocument
@@ -275,9 +307,9 @@ def _read(connection: Connection, query_id: int) -> QueryDocument:
     return _document(queries.get_query(connection, query_id))
 
 
-def _side(kind: Kind, said: SideDocument) -> Side:
+def _side(name: str, said: SideDocument) -> Side:
     return Side(
-        kind,
+        said.kind or SIDES[name],
         said.concept,
         None if said.uids is None else tuple(said.uids),
         None if said.where is None else queries.read_condition(said.where),

@@ -1,0 +1,138 @@
+"""The options of `semap query add`, and what they say together."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from semap.errors import InvalidInput
+from semap.model.continuous_query import (
+    DEFAULT_DEBOUNCE,
+    BetweenSamples,
+    Certainty,
+    Debounce,
+    Declaration,
+    Kind,
+    Side,
+)
+
+Predicate = Annotated[
+    str,
+    typer.Option(
+        help="contains, covers, intersects, within_distance, nearest, on, in_front_of, behind, left_of,"
+        " right_of, crosses, facing, approaching."
+    ),
+]
+Concept = Annotated[str | None, typer.Option(help="Which objects, with the concepts below. [default: any]")]
+Where = Annotated[
+    str | None, typer.Option(help='Only objects of which this is true, in CQL2: "attributes.floor = 2".')
+]
+ObjectKind = Annotated[str, typer.Option("--object", help="What the objects are: instance, track.")]
+SubjectConcept = Annotated[
+    str | None, typer.Option("--subject-concept", "--track-concept", help="Only subjects of this concept.")
+]
+SubjectWhere = Annotated[
+    str | None,
+    typer.Option(
+        "--subject-where",
+        "--track-where",
+        help="Only subjects of which this is true: \"source = 'camera'\".",
+    ),
+]
+SubjectKind = Annotated[str, typer.Option("--subject", help="What the subjects are: track, instance.")]
+Distance = Annotated[
+    float | None,
+    typer.Option(
+        help="Of within_distance and approaching; how far a direction reaches; of nearest and facing if"
+        " wanted [m]."
+    ),
+]
+Count = Annotated[int | None, typer.Option(help="Of nearest: how many.", min=1, max=100)]
+Angle = Annotated[
+    float | None,
+    typer.Option(help="Of facing: how far the heading may be off [degrees].", min=0, max=180),
+]
+Speed = Annotated[
+    float | None, typer.Option(help="Of approaching: the distance falls so fast or faster [m/s].", min=0)
+]
+Direction = Annotated[
+    str | None,
+    typer.Option(help="Of crosses: left_to_right or right_to_left, seen along the line. [default: both]"),
+]
+Abstraction = Annotated[
+    str, typer.Option(help="What of an instance is compared: Footprint, FootprintHull, Position2D ...")
+]
+Flat = Annotated[bool, typer.Option("--flat", help="Heights do not count.")]
+Debounced = Annotated[
+    bool, typer.Option("--debounce", help="Let flicker at the boundary not count: --margin 0.15, both ways.")
+]
+Margin = Annotated[
+    float | None, typer.Option(help="How far beyond the boundary counts as across, both ways [m].")
+]
+Confirm = Annotated[
+    float | None, typer.Option(help="How long it has to stay across, both ways [s of event time].")
+]
+Probability = Annotated[
+    float | None,
+    typer.Option(
+        help="Begin where it is so probable, end where the opposite is: 0.9.", min=0.5, max=0.999999
+    ),
+]
+Between = Annotated[
+    bool,
+    typer.Option(
+        "--between-samples",
+        help="Take the way between two samples as a straight line: exact times, no room is missed.",
+    ),
+]
+LongestGap = Annotated[float, typer.Option(help="No line over a longer pause than this [s].")]
+Fastest = Annotated[float, typer.Option(help="No line that asks for a higher speed [m/s].")]
+Sql = Annotated[
+    str | None,
+    typer.Option(help="Instead of the sides and the predicate: a SELECT over the views of semap_query."),
+]
+
+
+def side(kind: str, concept: str | None, where: str | None, option: str) -> Side:
+    """A side as it is declared.
+
+    raises  InvalidInput if there is no such kind, or the condition cannot be read
+    """
+    from semap.store.queries import read_condition  # noqa: PLC0415
+
+    kinds: dict[str, Kind] = {"track": "track", "instance": "instance"}
+    if kind not in kinds:
+        raise InvalidInput(
+            f"{kind} is neither track nor instance", "Write track or instance.", "--subject, --object"
+        )
+    return Side(kinds[kind], concept, None, None if where is None else read_condition(where, option))
+
+
+def edges(
+    debounce: bool,
+    margin: float | None,
+    confirm: float | None,
+    probability: float | None,
+    between: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """What makes edges honest, as a declaration has it.
+
+    between  the longest gap [s] and the highest speed [m/s] of a way between two samples; None: there is none
+    """
+    beside_m = margin if margin is not None else DEFAULT_DEBOUNCE.enter_margin_m if debounce else 0.0
+    return {
+        "debounce": Debounce(beside_m, beside_m, confirm or 0.0, confirm or 0.0),
+        "certainty": None if probability is None else Certainty(probability, 1 - probability),
+        "between_samples": None if between is None else BetweenSamples(*between),
+    }
+
+
+def require_plain(asked: Declaration) -> None:
+    """raises InvalidInput where options say what a text in SQL says"""
+    if asked != Declaration(asked.name, "contains", Side("track"), Side("instance")):
+        raise InvalidInput(
+            "the text says what is related to what, and how",
+            "Leave out --predicate and the options of both sides.",
+            "--sql",
+        )
