@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import json
+
+import pytest
 import shapely
+from made_relations import KINDS, Thing, at, hold, pair_query
+from psycopg.rows import dict_row
+from psycopg.sql import SQL as SQL_TEXT
 from world import SECOND_US, World
 
-from semap.store.database import one_transaction
-from semap.store.queries import add_query, change_query, declaration_from_sql, delete_query, find_query
+from semap.errors import NotFound
+from semap.store.database import connect, one_transaction
+from semap.store.queries import (
+    add_query,
+    change_query,
+    declaration_from_sql,
+    delete_query,
+    find_query,
+    query_result,
+)
 
 SQL = "select r.name, t.name, t.x_m as x from track t, room r where st_contains(r.footprint, t.position)"
 
@@ -44,3 +58,77 @@ def test_the_view_of_a_query_shows_what_the_query_itself_would(world: World) -> 
     assert views(world) == ["house/track_in_room"]
     world.run("delete from semap.map")
     assert views(world) == []
+
+
+def test_the_view_of_pairs_shows_either_kind_of_side(world: World) -> None:
+    """Relations by hand, of a query that rests: the columns that it selects, of what is held."""
+    rooms: list[Thing] = [
+        ("instance", world.add_room(name, shapely.box(x, 0, x + 4, 4)), name)
+        for name, x in (("kitchen", 0), ("hall", 5))
+    ]
+    tracks: list[Thing] = []
+    for n, name in enumerate(("ann", "bob")):
+        tracks.append(("track", world.add_track(name), name))
+        world.add_states([(tracks[-1][1], SECOND_US, float(n), 1.0, None)])
+    things = {"track": tracks, "instance": rooms}
+    payload = {"who": "subject.name", "whom": "object.name", "x": "subject.x_m", "gone": "subject.never"}
+    for subject, object_ in KINDS:
+        plain = pair_query(world, f"{subject} {object_}", subject, object_)
+        chosen = pair_query(
+            world, f"{subject} {object_} by name", subject, object_, payload=json.dumps(payload)
+        )
+        for query_id in (plain, chosen):
+            hold(world, query_id, things[subject][0], things[object_][1], 2)
+            hold(world, query_id, things[subject][1], things[object_][0], 3)
+            world.run("update semap.pair set held = false, since = null where since = %s", at(3))
+        names = ("track_id", "track", "instance_id", "instance")
+        if (subject, object_) != ("track", "instance"):
+            names = ("subject_id", "subject", "object_id", "object")
+        first, second = things[subject][0], things[object_][1]
+        assert shown(world, f"{subject} {object_}") == [
+            dict(zip((*names, "since"), (*first[1:], *second[1:], at(2)), strict=True))
+        ]
+        expected = {"who": first[2], "whom": second[2], "since": at(2)}
+        if subject == "track":
+            expected["x"] = 0.0
+        assert shown(world, f"{subject} {object_} by name") == [expected]
+        with one_transaction(world.dsn) as connection:
+            (row,) = query_result(connection, chosen)
+        assert row.columns == {**expected, "since": "1970-01-01T00:00:02+00:00"}
+
+
+def test_the_view_follows_a_change_of_sides(world: World) -> None:
+    room: Thing = ("instance", world.add_room("room", shapely.box(0, 0, 4, 4)), "room")
+    query_id = pair_query(world, "near", "track", "track")
+    assert shown(world, "near") == []
+    world.run("update semap.continuous_query set subject_kind = 'instance' where query_id = %s", query_id)
+    track = ("track", world.add_track("t"), "t")
+    world.add_states([(track[1], SECOND_US, 9.0, 9.0, None)])
+    hold(world, query_id, room, track, 5)
+    assert [(row["subject"], row["object"]) for row in shown(world, "near")] == [("room", "t")]
+
+
+def test_a_result_is_read_in_pages(world: World) -> None:
+    room: Thing = ("instance", world.add_room("room", shapely.box(0, 0, 4, 4)), "room")
+    tracks = [world.add_track(f"t{n}") for n in range(7)]
+    for track_id in tracks:
+        world.add_states([(track_id, SECOND_US, 1.0, 1.0, None)])
+    pairs = pair_query(world, "faced", "instance", "track")
+    for n, track_id in enumerate(tracks):
+        hold(world, pairs, room, ("track", track_id, f"t{n}"), n)
+    for query_id, column in ((world.query_id, "track"), (pairs, "object")):
+        found, after = [], (0, 0)
+        with one_transaction(world.dsn) as connection:
+            while page := query_result(connection, query_id, after=after, limit=3):
+                found += [row.columns[column] for row in page]
+                after = page[-1].place
+        assert sorted(found) == [f"t{n}" for n in range(7)]
+    with one_transaction(world.dsn) as connection, pytest.raises(NotFound):
+        query_result(connection, 10**6)
+
+
+def shown(world: World, name: str) -> list[dict[str, object]]:
+    with connect(world.dsn, "semap_read") as connection, connection.cursor(row_factory=dict_row) as cursor:
+        return cursor.execute(
+            SQL_TEXT('select * from semap_result."world/{}"').format(SQL_TEXT(name))
+        ).fetchall()
