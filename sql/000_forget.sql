@@ -29,8 +29,8 @@ begin
     select format('drop aggregate %s', oid::regprocedure)
     from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'a'
     union all
-    select format('drop function %s', oid::regprocedure)
-    from pg_proc where pronamespace = 'semap'::regnamespace and prokind = 'f'
+    select format('drop routine %s', oid::regprocedure)
+    from pg_proc where pronamespace = 'semap'::regnamespace and prokind in ('f', 'p')
   loop
     begin
       execute v_object.statement;

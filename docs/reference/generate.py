@@ -29,11 +29,11 @@ from semap.rules.row import PROPERTIES
 CHECKOUT = Path(__file__).parents[2]
 MODELS = "ingest/semap_ingest/models"
 COMMENT = re.compile(
-    r"comment on (function|aggregate|view) (semap(?:_query)?\.\w+)(?:\([^)]*\))? is\s*\n?"
+    r"comment on (function|procedure|aggregate|view) (semap(?:_query)?\.\w+)(?:\([^)]*\))? is\s*\n?"
     r"((?:\s*'(?:[^']|'')*')+);"
 )
 SIGNATURE = (
-    r"create (?:or replace )?(?:function|aggregate) {name}\s*\((?P<takes>.*?)\)\s*"
+    r"create (?:or replace )?(?:function|procedure|aggregate) {name}\s*\((?P<takes>.*?)\)\s*"
     r"(?:returns\s+(?P<gives>.*?))?\s*(?:language|as|strict|\(\s*sfunc)"
 )
 

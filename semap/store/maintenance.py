@@ -63,6 +63,11 @@ DROP_DAY = "select semap.drop_day(%s, %s)"
 KEY_DAY = "select semap.key_day(%s)"
 PACK = "select semap.pack_states(%s)"
 DROP_ROWS = "select semap.drop_rows(%s, %s)"
+DROP_REQUESTS = """
+    with dropped as (
+      delete from semap.query_request where answered_at < clock_timestamp() - interval '1 day' returning 1)
+    select count(*) from dropped
+"""
 OLD_ROWS = """
     select kind, count(*)
     from (
@@ -147,7 +152,15 @@ class _Maintenance:
         self._done = Maintained()
 
     def run(self) -> Maintained:
-        steps = (self._make_ahead, self._key, self._drop_days, self._pack, self._drop_empty, self._drop_rows)
+        steps = (
+            self._make_ahead,
+            self._key,
+            self._drop_days,
+            self._pack,
+            self._drop_empty,
+            self._drop_rows,
+            self._drop_requests,
+        )
         for step in steps:
             if not self._stop.is_set():
                 step()
@@ -202,6 +215,10 @@ class _Maintenance:
                 self._advance(f"dropping {words}: {dropped}")
             if dropped:
                 self._done.dropped_rows[kind] = dropped
+
+    def _drop_requests(self) -> None:
+        """What was asked for in SQL and has been answered for a day, which no setting says anything of."""
+        self._patiently("requests for queries", DROP_REQUESTS, [])
 
     def _patiently(self, what: str, statement: str, parameters: list[object]) -> Any:
         """What a step says; None where others used what it needs each time that it was tried."""

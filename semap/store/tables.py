@@ -459,6 +459,19 @@ continuous_query = Table(
     UniqueConstraint("map_id", "name"),
 )
 
+query_request = Table(
+    "query_request",
+    METADATA,
+    _id("request_id", BigInteger),
+    _ref("map_id", "map.map_id"),
+    *(_text(name) for name in ("name", "sql")),
+    Column("asked_by", Text, FetchedValue(), nullable=False),
+    Column("asked_at", STAMP, FetchedValue(), nullable=False),
+    Column("answered_at", STAMP),
+    Column("query_id", Integer),
+    Column("refusal", JSONB),
+)
+
 query_track = Table(
     "query_track",
     METADATA,
