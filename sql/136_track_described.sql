@@ -1,0 +1,93 @@
+-- A track is named, or said to be of another concept or to have other attributes: the queries that ask for such are about
+-- it from then on, or no longer.
+
+-- Bring what regions keep of these tracks in line with which queries are about them now. What a query is no longer about
+-- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map.
+create or replace function semap.rechoose_tracks(p_track_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_source_ids  integer[];
+  v_before      semap.query_track[];
+  v_gained      semap.query_track[];
+  v_lost        semap.query_track[];
+  v_crossings   semap.crossing[];
+begin
+  select array_agg(distinct t.source_id order by t.source_id) into v_source_ids
+  from semap.track t
+  where t.track_id = any (p_track_ids)
+    and exists (select from semap.continuous_query q where q.map_id = t.map_id and (
+                  q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null));
+  if v_source_ids is null then
+    return;
+  end if;
+  perform semap.hold_regions();
+  perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+
+  v_before := array(select s from semap.query_track s where s.track_id = any (p_track_ids));
+  perform semap.choose_tracks(null, p_track_ids);
+  v_lost := array(select b from unnest(v_before) b
+                  where not exists (select from semap.query_track s where (s.query_id, s.track_id) = (b.query_id, b.track_id)));
+  v_gained := array(select s from semap.query_track s
+                    where s.track_id = any (p_track_ids)
+                      and not exists (select from unnest(v_before) b where (s.query_id, s.track_id) = (b.query_id, b.track_id)));
+  if cardinality(v_lost || v_gained) = 0 then
+    return;
+  end if;
+  perform semap.settle_places(v_source_ids);
+
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
+                   order by c.track_id, c.region_id) into v_crossings
+  from (
+    select l.track_id, n.region_id, 'ended' as kind
+    from unnest(v_lost) l join semap.relation n on n.track_id = l.track_id and n.query_id = l.query_id
+    union all
+    select g.track_id, r.region_id, 'began'
+    from unnest(v_gained) g
+    join semap.track_now t on t.track_id = g.track_id and t.live
+    join semap.region r on r.query_id = g.query_id and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
+    where (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+  ) c
+  join semap.track_now t on t.track_id = c.track_id;
+  perform semap.record_crossings(v_crossings);
+
+  delete from semap.verge v using unnest(v_lost) l, semap.region r
+  where v.track_id = l.track_id and r.region_id = v.region_id and r.query_id = l.query_id;
+  update semap.track_now t
+  set calm_x_min_m = 'infinity',
+      careful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
+                          where n.track_id = t.track_id and r.careful order by n.region_id)
+  where t.track_id in (select track_id from unnest(v_lost || v_gained));
+end $$;
+comment on function semap.rechoose_tracks is
+  'Bring what regions keep of these tracks in line with which queries are about them now.';
+
+-- A track got another name or concept, or other attributes: the relations of queries that ask for them follow.
+create or replace function semap.track_described() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  perform semap.rechoose_tracks(array_agg(n.track_id)) from new_track n join old_track o using (track_id)
+  where (n.name, n.concept_id, n.attributes) is distinct from (o.name, o.concept_id, o.attributes);
+  return null;
+end $$;
+comment on function semap.track_described is
+  'A track got another name or concept, or other attributes: the relations of queries that ask for them follow.';
+
+create or replace trigger track_described after update on semap.track
+  referencing old table as old_track new table as new_track
+  for each statement execute function semap.track_described();
+
+-- A concept moved in the taxonomy: queries of a concept above it are about its tracks, or no longer. It comes after the
+-- trigger that brings the regions in line, which keeps all writers out.
+create or replace function semap.tracks_of_concepts_moved() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  perform semap.rechoose_tracks(array_agg(t.track_id)) from semap.track t
+  where t.concept_id is not null
+    and exists (select from semap.continuous_query q where q.map_id = t.map_id and q.subject_concept_id is not null);
+  return null;
+end $$;
+comment on function semap.tracks_of_concepts_moved is
+  'A concept moved in the taxonomy: queries of a concept above it are about its tracks, or no longer.';
+
+create or replace trigger concept_moved_tracks after insert or update or delete on semap.concept_parent
+  for each statement execute function semap.tracks_of_concepts_moved();
