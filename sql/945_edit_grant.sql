@@ -9,3 +9,4 @@ grant delete on semap.query_request to semap_worker;
 -- late and how far apart states of a source may be, by who edits.
 grant update (concept_id, attributes) on semap.track to semap_ingest, semap_api, semap_admin, semap_api_map;
 grant update (lateness, jump_m, jump_mps) on semap.source to semap_api, semap_admin, semap_api_map;
+grant select on semap.relation_certainty to semap_read_map, semap_ingest_map, semap_api_map;

@@ -8,7 +8,7 @@ goes on after the last batch that was committed; nothing is lost or written twic
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from threading import Event as Signal
 from uuid import UUID, uuid5
@@ -16,11 +16,13 @@ from uuid import UUID, uuid5
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
+from psycopg.types.json import Jsonb
 
 from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
 from semap.geometry.pose import transform_points
 from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
+from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.state_copy import COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
@@ -40,6 +42,8 @@ class Plan:
 
     realtime   1 is the pace of the recording, 2 twice as fast; None: as fast as it goes
     keep_open  leave the tracks open at their last state, for another file that goes on with them
+    concept    what kind of thing each track is; None: what is known of it stays
+    attributes of each track; None: likewise
     """
 
     map_name: str
@@ -49,6 +53,8 @@ class Plan:
     batch_size: int = 1000
     realtime: float | None = None
     keep_open: bool = False
+    concept: str | None = None
+    attributes: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,9 +85,11 @@ def replay(
 ) -> Replayed:
     """Write all states that are not written yet; a lost server is awaited.
 
-    raises NotFound, where there is no such map; Conflict, where other states of these
-    tracks are stored at the same stamps
+    raises NotFound, where there is no such map; InvalidInput, where there is no such concept or the
+    attributes do not follow its schema; Conflict, where other states of these tracks are stored at the same
+    stamps
     """
+    concept_id = _concept_id(dsn, plan)
     stop = stop or Signal()
     clock = _Clock(plan.realtime)
     first: _Registered | None = None
@@ -89,7 +97,7 @@ def replay(
     while True:
         try:
             with connect(dsn, ROLE, application="semap ingest", autocommit=False) as connection:
-                registered = _register(connection, plan, tracks)
+                registered = _register(connection, plan, tracks, concept_id)
                 first = first or registered
                 written = registered.done
                 for written in _write(connection, plan, tracks, registered, clock, stop):
@@ -115,7 +123,17 @@ def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
     return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m)
 
 
-def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Registered:
+def _concept_id(dsn: str, plan: Plan) -> int | None:
+    """raises InvalidInput"""
+    if plan.concept is None:
+        return None
+    with one_transaction(dsn, ROLE, application="semap ingest") as connection:
+        return described(connection, f"a track of {plan.source}", plan.concept, plan.attributes or {})
+
+
+def _register(
+    connection: psycopg.Connection, plan: Plan, tracks: Tracks, concept_id: int | None
+) -> _Registered:
     """Make the partitions, the source, the recording and its tracks, where they are missing."""
     days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
     with translated(), connection.transaction():
@@ -162,8 +180,28 @@ def _register(connection: psycopg.Connection, plan: Plan, tracks: Tracks) -> _Re
             [source_id, list(tracks.names)],
         ).fetchall()
         ids: dict[str, int] = dict(rows)
+    # by itself, since it keeps all others out before it locks a row
+    with translated(), connection.transaction():
+        _describe(connection, plan, source_id, tracks, concept_id)
     track_ids = np.array([ids[name] for name in tracks.names], dtype=np.int64)
     return _Registered(recording_id, source_id, track_ids, done, late)
+
+
+def _describe(
+    connection: psycopg.Connection, plan: Plan, source_id: int, tracks: Tracks, concept_id: int | None
+) -> None:
+    """Say of new tracks and of those that are there what the plan says of all."""
+    if concept_id is None and plan.attributes is None:
+        return
+    given = None if plan.attributes is None else Jsonb(dict(plan.attributes))
+    connection.execute(
+        "update semap.track set concept_id = coalesce(%(concept)s, concept_id),"
+        " attributes = coalesce(%(attributes)s, attributes)"
+        " where source_id = %(source)s and name = any (%(names)s)"
+        " and (concept_id, attributes) is distinct from"
+        " (coalesce(%(concept)s, concept_id), coalesce(%(attributes)s, attributes))",
+        {"concept": concept_id, "attributes": given, "source": source_id, "names": list(tracks.names)},
+    )
 
 
 def track_uid(map_uid: UUID, source: str, name: str) -> UUID:

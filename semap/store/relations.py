@@ -78,6 +78,11 @@ class Relation:
     until: datetime | None
     place: Place
 
+    @property
+    def is_kept_by_region(self) -> bool:
+        """Whether it holds now, and its place ends in the ids of its track and region."""
+        return self.place[0] == 0
+
 
 @dataclass(frozen=True)
 class Room:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 import shapely
-from sqlalchemy import Connection, func, literal_column, select
+from sqlalchemy import Connection, func, literal_column, select, update
 
 from semap.errors import NotFound
+from semap.store.concept import check_attributes, concept_id
 from semap.store.database import translated
-from semap.store.tables import map_, source, track, track_now
+from semap.store.tables import concept, map_, source, track, track_now
 
 NEVER = literal_column("'-infinity'::timestamptz", track_now.c.stamp.type)
 
@@ -42,7 +43,10 @@ class TrackState:
 
 @dataclass(frozen=True)
 class Track:
-    """A track; `state` is None until its first state, `live` False before that and after its end."""
+    """A track; `state` is None until its first state, `live` False before that and after its end.
+
+    concept     what kind of thing it is, if that was said; attributes what else is known
+    """
 
     track_id: int
     uid: UUID
@@ -51,6 +55,8 @@ class Track:
     name: str
     live: bool
     ended_at: datetime | None
+    concept: str | None
+    attributes: Mapping[str, Any]
     state: TrackState | None
 
 
@@ -84,6 +90,38 @@ def get_track(connection: Connection, track_id: int) -> Track:
     return _track(row)
 
 
+def describe_track(
+    connection: Connection, track_id: int, concept_name: str | None, attributes: Mapping[str, object]
+) -> Track:
+    """Say what kind of thing a track is and what else is known of it; relations of queries that ask follow.
+
+    raises  NotFound; InvalidInput for an unknown concept, or attributes that do not follow its schema
+    """
+    known = get_track(connection, track_id)
+    number = described(connection, known.name, concept_name, attributes)
+    with translated():
+        connection.execute(
+            update(track)
+            .where(track.c.track_id == track_id)
+            .values(concept_id=number, attributes=dict(attributes))
+        )
+    return get_track(connection, track_id)
+
+
+def described(
+    connection: Connection, name: str, concept_name: str | None, attributes: Mapping[str, object]
+) -> int | None:
+    """The id of the concept of what is called so, if one is said.
+
+    raises  InvalidInput where there is none, or where the attributes do not follow its schema
+    """
+    if concept_name is None:
+        return None
+    found = concept_id(connection, concept_name)
+    check_attributes(connection, [(name, concept_name, attributes)])
+    return found
+
+
 def _track(row: Sequence[Any]) -> Track:
     *known, stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, shape = row
     if stamp is None:
@@ -105,6 +143,8 @@ _TRACKS = (
         track.c.name,
         track_now.c.live,
         track.c.ended_at,
+        concept.c.name,
+        track.c.attributes,
         func.nullif(track_now.c.stamp, NEVER),
         track_now.c.x_m,
         track_now.c.y_m,
@@ -120,4 +160,5 @@ _TRACKS = (
     .join(track_now, track_now.c.track_id == track.c.track_id)
     .join(map_, map_.c.map_id == track.c.map_id)
     .join(source, source.c.source_id == track.c.source_id)
+    .outerjoin(concept, concept.c.concept_id == track.c.concept_id)
 )

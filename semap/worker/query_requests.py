@@ -89,6 +89,10 @@ def _follow(dsn: str, stop: Signal) -> None:
 def answer_next(engine: Engine) -> bool:
     """Answer the oldest request that waits and that nobody else is at; False where there is none."""
     with translated(), engine.begin() as connection:
+        if connection.execute(_WAITS).first() is None:
+            return False
+        # as all who edit do, before any row is locked
+        connection.execute(select(func.semap.change_regions()))
         row = connection.execute(_NEXT).one_or_none()
         if row is None:
             return False
@@ -128,6 +132,7 @@ def _refusal(error: CallerError) -> Mapping[str, object]:
     return {**at, "reason": reason, "remedy": error.remedy}
 
 
+_WAITS = select(query_request.c.request_id).where(query_request.c.answered_at.is_(None)).limit(1)
 _NEXT = (
     select(query_request, map_.c.name.label("map"))
     .join(map_, map_.c.map_id == query_request.c.map_id)

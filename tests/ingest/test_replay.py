@@ -14,7 +14,7 @@ from semap_ingest.state_copy import COLUMNS, EXTENT_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 from world import SECOND_US, World
 
-from semap.errors import Conflict, NotFound
+from semap.errors import Conflict, InvalidInput, NotFound
 from semap.store.database import connect
 from semap.timeline.stamp import to_datetime
 
@@ -62,6 +62,26 @@ def test_every_state_is_stored_once_and_tracks_end(world: World) -> None:
     again = replay(world.dsn, PLAN, tracks)
     assert (again.states, again.resumed_at) == (0, 100)
     assert len(stored(world)) == 100
+
+
+def test_tracks_are_what_the_plan_says(world: World) -> None:
+    tracks = walk(20)
+    world.run("insert into semap.concept (name) values ('Forklift')")
+    described = (
+        "select k.name, c.name, k.attributes from semap.track k left join semap.concept c using (concept_id)"
+        " order by 1"
+    )
+    names = [f"t{i}" for i in range(3)]
+    replay(world.dsn, PLAN, tracks)
+    assert world.rows(described) == [(name, None, {}) for name in names]
+    replay(world.dsn, replace(PLAN, concept="Forklift"), tracks)
+    assert world.rows(described) == [(name, "Forklift", {}) for name in names]
+    replay(world.dsn, replace(PLAN, attributes={"shift": "night"}), tracks)
+    replay(world.dsn, PLAN, tracks)
+    assert world.rows(described) == [(name, "Forklift", {"shift": "night"}) for name in names]
+    with pytest.raises(InvalidInput, match="no concept Unheard"):
+        replay(world.dsn, replace(PLAN, source="other", concept="Unheard"), tracks)
+    assert world.one("select count(*) from semap.source where name = 'other'") == 0
 
 
 def test_a_replay_that_was_cut_goes_on_where_it_was(world: World) -> None:

@@ -52,6 +52,8 @@ def resources(service: Service) -> dict[str, list[tuple[str, str, dict]]]:
     rule = client.post("/rules", json={"map": "office", "name": "r", "declaration": emit}).json()
     webhook = client.post("/webhooks", json={"url": "http://127.0.0.1:9/"}).json()
     hook = f"/webhooks/{webhook['id']}"
+    track = f"/tracks/{service.walk([(1, 1), (2, 2)])}"
+    source = f"/sources/{client.get('/sources').json()['sources'][0]['id']}"
     instance, bulb = f"/instances/{room['id']}", f"{description}/geometries/Bulb"
     lower = {**BLUEPRINT, "shape": {"type": "Point", "coordinates": [0, 0, 0.5]}}
     mesh = {"mesh": ("a.stl", box_mesh(1, 1, 1, "stl"))}
@@ -96,6 +98,8 @@ def resources(service: Service) -> dict[str, list[tuple[str, str, dict]]]:
             ),
             ("DELETE", f"/queries/{query['id']}", {}),
         ],
+        track: [("PATCH", track, {"json": {"concept": "Thing"}})],
+        source: [("PATCH", source, {"json": {"lateness_s": 2.5}})],
         hook: [("PATCH", hook, {"json": {"state": "paused"}}), ("DELETE", hook, {})],
         "/maps/office": [("DELETE", "/maps/office", {})],
     }

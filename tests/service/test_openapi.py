@@ -52,6 +52,7 @@ def test_every_endpoint_answers_as_published(service: Service, database: str) ->
         "/doors",
         "/tracks",
         "/track-amendments",
+        "/sources",
         "/relations",
         "/queries",
         "/rules",
@@ -71,6 +72,9 @@ def test_every_endpoint_answers_as_published(service: Service, database: str) ->
     client.post("/concepts", json={"name": "Kitchen", "parents": ["Room"]}).raise_for_status()
 
     exercise_the_map(client)
+    client.patch(f"/tracks/{track_id}", json={"attributes": {"kind": "forklift"}}).raise_for_status()
+    source = f"/sources/{client.get('/sources').json()['sources'][0]['id']}"
+    assert client.patch(source, json={"jump_m": None}).json() == client.get(source).json()
 
     instance = f"/instances/{room['id']}"
     client.get(instance).raise_for_status()

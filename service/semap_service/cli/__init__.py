@@ -29,6 +29,7 @@ from semap_service.cli import (
     relations,
     rules,
     simulate,
+    sources,
     tokens,
     tracks,
     webhooks,
@@ -74,6 +75,7 @@ def commands() -> typer.Typer:
     app.command("relations")(relations.relations)
     app.add_typer(rules.commands(), name="rule")
     app.add_typer(tracks.commands(), name="track")
+    app.add_typer(sources.commands(), name="source")
     app.add_typer(tokens.commands(), name="token")
     app.add_typer(webhooks.commands(), name="webhook")
     app.add_typer(jobs.commands(), name="job")

@@ -58,6 +58,12 @@ def tracks(
     frame: Annotated[
         str | None, typer.Option(help="Frame of the positions, such as a storey; z is 0 in it if absent.")
     ] = None,
+    concept: Annotated[
+        str | None, typer.Option(help="What kind of thing each track is: a concept of the taxonomy.")
+    ] = None,
+    attributes: Annotated[
+        str | None, typer.Option(help='What else is known of each track, as JSON: \'{"shift": "night"}\'.')
+    ] = None,
     realtime: Annotated[
         float | None, typer.Option(help="Replay at the recording's pace times this factor.", min=0.001)
     ] = None,
@@ -80,6 +86,7 @@ def tracks(
 
     from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
+    from semap_service.cli.written_attributes import read_attributes  # noqa: PLC0415
 
     write_log(log_format, log_level)
     columns = {
@@ -109,6 +116,8 @@ def tracks(
         batch_size=batch,
         realtime=realtime,
         keep_open=keep_open,
+        concept=concept,
+        attributes=read_attributes(attributes),
     )
     with database(dsn) as opened, Follower(opened) as follower:
         if frame is not None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 PAGE = 500
 WAKE_S = 1.0
+NO_CONCEPT = "none"
 
 MapOption = Annotated[str | None, typer.Option("--map", help="Only those of this map.")]
 Number = Annotated[int, typer.Option(help="Only those after this number.", min=0)]
@@ -25,6 +26,7 @@ def commands() -> typer.Typer:
         no_args_is_help=True, help="Who is followed, and what trackers found that they had mistaken."
     )
     app.command("list")(list_all)
+    app.command("set")(describe)
     app.command("amendments")(amendments)
     return app
 
@@ -52,11 +54,39 @@ def list_all(
             "map": each.map,
             "source": each.source,
             "track": each.name,
+            "concept": each.concept,
             **{name: _short(getattr(each.state, name, None)) for name in shown},
         }
         for each in found
     ]
     print_rows(rows, as_json, "No tracks. Bring in movement: semap ingest --help")
+
+
+def describe(
+    number: Annotated[
+        int, typer.Argument(metavar="ID", help="Number of the track, as `semap track list` shows it.")
+    ],
+    concept: Annotated[
+        str | None, typer.Option(help="What kind of thing it is; none: that is not known.")
+    ] = None,
+    attributes: Annotated[
+        str | None, typer.Option(help='What else is known of it, as JSON: \'{"kind": "forklift"}\'.')
+    ] = None,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
+    """Say what kind of thing a track is. Queries are about it, or no longer, from now on."""
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.tracks import describe_track, get_track  # noqa: PLC0415
+    from semap_service.cli.written_attributes import read_attributes  # noqa: PLC0415
+
+    said = read_attributes(attributes)
+    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+        known = get_track(connection, number)
+        kind = known.concept if concept is None else None if concept == NO_CONCEPT else concept
+        done = describe_track(connection, number, kind, known.attributes if said is None else said)
+    row = {"id": number, "track": done.name, "concept": done.concept, "attributes": dict(done.attributes)}
+    print_rows([row], as_json, "")
 
 
 def amendments(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import Field
+from sqlalchemy import Connection
 
 from semap.store import relations
 from semap.store.maps import get_map
+from semap.store.probability import probabilities
 from semap.store.tracks import get_track
 from semap_service.document import (
     LARGEST_ID,
@@ -47,6 +50,11 @@ class RelationDocument(Document):
     since: Stamp
     until: Stamp | None = Field(description="null while it holds.")
     duration_s: float | None = Field(description="How long it held; null while it holds.", examples=[12.5])
+    probability: float | None = Field(
+        description="How probable it is by the track's present position; null where the query asks for no"
+        " certainty.",
+        examples=[0.97],
+    )
 
 
 class RelationList(Document):
@@ -85,7 +93,7 @@ def list_relations(
         if map_name is not None:
             get_map(connection, map_name)
         found = relations.list_relations(connection, wanted, as_of=as_of, after=_place(after), limit=limit)
-    return _page(found, limit)
+        return _page(connection, found, limit)
 
 
 @router.get("/tracks/{id}/rooms", operation_id="list_rooms_of_track", responses=problems(404))
@@ -99,7 +107,7 @@ def list_rooms_of_track(
     with transaction(database) as connection:
         get_track(connection, id)
         found = relations.list_relations_to_instances(connection, id, after=_place(after), limit=limit)
-    return _page(found, limit)
+        return _page(connection, found, limit)
 
 
 def _place(after: str) -> relations.Place:
@@ -109,14 +117,16 @@ def _place(after: str) -> relations.Place:
     return int(match[1]), min(int(match[2]), LARGEST_ID), min(int(match[3]), LARGEST_SMALL_ID)
 
 
-def _page(found: tuple[relations.Relation, ...], limit: int) -> RelationList:
+def _page(connection: Connection, found: tuple[relations.Relation, ...], limit: int) -> RelationList:
+    known = probabilities(connection, (each.place[1:] for each in found if each.is_kept_by_region))
     return RelationList(
-        relations=[_document(each) for each in found],
+        relations=[_document(each, known.get(each.place[1:])) for each in found],
         next="-".join(map(str, found[-1].place)) if len(found) == limit else None,
     )
 
 
-def _document(found: relations.Relation) -> RelationDocument:
+def _document(found: relations.Relation, probability: float | None) -> RelationDocument:
     duration_s = None if found.until is None else (found.until - found.since).total_seconds()
-    said = {name: getattr(found, name) for name in RelationDocument.model_fields if name != "duration_s"}
-    return RelationDocument(**said, duration_s=duration_s)
+    computed = {"duration_s": duration_s, "probability": probability}
+    said = {name: getattr(found, name) for name in RelationDocument.model_fields if name not in computed}
+    return RelationDocument(**said, **computed)

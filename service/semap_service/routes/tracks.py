@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import APIRouter, Query
-from pydantic import Field
+from pydantic import Field, model_validator
+from sqlalchemy import Connection
 
 from semap.store import track_history, tracks
 from semap.store.maps import get_map
@@ -21,14 +22,15 @@ from semap_service.document import (
     Name,
     Next,
     PolygonDocument,
+    Request,
     Stamp,
     area_document,
     next_after,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.etag import TaggedRoute, edits, reads
+from semap_service.transaction import Database, Edit, transaction
 
-router = APIRouter(tags=["tracks"])
+router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 
 BEFORE_ALL = EARLIEST - MICROSECOND
 
@@ -50,6 +52,24 @@ class TrackStateDocument(Document):
     )
 
 
+Attributes = Annotated[
+    dict[str, Any], Field(description="Whatever else is known.", examples=[{"kind": "forklift"}])
+]
+
+
+class TrackChanges(Request):
+    """What to change; what is left out stays as it is."""
+
+    concept: Name | None = Field(None, description="What kind of thing it is; null: that is not known.")
+    attributes: Attributes | None = Field(None, description="Replaces all attributes.")
+
+    @model_validator(mode="after")
+    def _attributes_are_never_null(self) -> TrackChanges:
+        if "attributes" in self.model_fields_set and self.attributes is None:
+            raise ValueError("attributes cannot be null; leave it out to keep it")
+        return self
+
+
 class TrackDocument(Document):
     """Someone or something that a source follows."""
 
@@ -60,6 +80,8 @@ class TrackDocument(Document):
     name: str = Field(examples=["person 3"])
     live: bool = Field(description="False until it is seen, and after its end.")
     ended_at: Stamp | None
+    concept: str | None = Field(description="What kind of thing it is; null: that was not said.")
+    attributes: Attributes
     state: TrackStateDocument | None = Field(description="null until it is seen.")
 
 
@@ -92,7 +114,7 @@ class TrackList(Document):
     next: Next
 
 
-@router.get("/tracks", operation_id="list_tracks", responses=problems(404))
+@router.get("/tracks", operation_id="list_tracks", responses=reads(404))
 def list_tracks(
     database: Database,
     map_name: MapFilter = None,
@@ -113,14 +135,27 @@ def list_tracks(
     )
 
 
-@router.get("/tracks/{id}", operation_id="get_track", responses=problems(404))
+@router.get("/tracks/{id}", operation_id="get_track", responses=reads(404))
 def get_track(database: Database, id: Id) -> TrackDocument:  # noqa: A002
     """A track and where it is now."""
     with transaction(database) as connection:
-        return _document(tracks.get_track(connection, id))
+        return _read(connection, id)
 
 
-@router.get("/tracks/{id}/history", operation_id="get_track_history", responses=problems(404))
+@router.patch("/tracks/{id}", operation_id="describe_track", responses=edits(404))
+def describe_track(edit: Edit, id: Id, changes: TrackChanges) -> TrackDocument:  # noqa: A002
+    """Say what kind of thing a track is. Queries are about it, or no longer, from now on: cause `map`.
+
+    With If-Match it is refused if the track has moved since it was read.
+    """
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
+        known = tracks.get_track(connection, id)
+        concept = changes.concept if "concept" in changes.model_fields_set else known.concept
+        attributes = known.attributes if changes.attributes is None else changes.attributes
+        return _document(tracks.describe_track(connection, id, concept, attributes))
+
+
+@router.get("/tracks/{id}/history", operation_id="get_track_history", responses=reads(404))
 def get_track_history(
     database: Database,
     id: Id,  # noqa: A002
@@ -147,6 +182,10 @@ def get_track_history(
     )
 
 
+def _read(connection: Connection, track_id: int) -> TrackDocument:
+    return _document(tracks.get_track(connection, track_id))
+
+
 def _document(track: tracks.Track) -> TrackDocument:
     return TrackDocument(
         id=track.track_id,
@@ -156,6 +195,8 @@ def _document(track: tracks.Track) -> TrackDocument:
         name=track.name,
         live=track.live,
         ended_at=track.ended_at,
+        concept=track.concept,
+        attributes=dict(track.attributes),
         state=None if track.state is None else _state_document(track.state),
     )
 

@@ -1,0 +1,107 @@
+"""/sources"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+from fastapi import APIRouter
+from pydantic import Field, model_validator
+from sqlalchemy import Connection
+
+from semap.store import sources
+from semap.store.maps import get_map
+from semap_service.document import After, Document, Limit, MapFilter, Next, Request, SmallId, next_after
+from semap_service.etag import TaggedRoute, edits, reads
+from semap_service.transaction import Database, Edit, transaction
+
+router = APIRouter(tags=["sources"], route_class=TaggedRoute)
+
+LATENESS = "How long rules wait for rows of it that come after others of later stamps [s]."
+JUMP = (
+    "A position further from the last one than this, and than `jump_mps` allows for the time between, is set"
+    " aside until the next one agrees with it. null: every position is taken."
+)
+
+
+class SourceChanges(Request):
+    """What to change; what is left out stays as it is."""
+
+    lateness_s: Annotated[float, Field(ge=0, le=sources.LONGEST_LATENESS_S)] | None = Field(
+        None, description=LATENESS
+    )
+    jump_m: Annotated[float, Field(gt=0, le=sources.FARTHEST_M)] | None = Field(None, description=JUMP)
+    jump_mps: Annotated[float, Field(ge=0, le=sources.FASTEST_MPS)] | None = None
+
+    @model_validator(mode="after")
+    def _some_are_never_null(self) -> SourceChanges:
+        for name in ("lateness_s", "jump_mps"):
+            if name in self.model_fields_set and getattr(self, name) is None:
+                raise ValueError(f"{name} cannot be null; leave it out to keep it")
+        return self
+
+
+class SourceDocument(Document):
+    """Who says where tracks are or what state objects have, and how far it is believed."""
+
+    id: int
+    map: str = Field(examples=["office"])
+    name: str = Field(examples=["lidar"])
+    lateness_s: float = Field(description=LATENESS)
+    jump_m: float | None = Field(description=JUMP)
+    jump_mps: float
+    late_states: int = Field(description="States that came after later ones of their track.")
+    outliers: int = Field(description="Positions that were set aside, and that no other agreed with.")
+
+
+class SourceList(Document):
+    sources: list[SourceDocument] = Field(description="In the order of their ids.")
+    next: Next
+
+
+@router.get("/sources", operation_id="list_sources", responses=reads(404))
+def list_sources(
+    database: Database, map_name: MapFilter = None, limit: Limit = 100, after: After = 0
+) -> SourceList:
+    """Who brings in what is seen."""
+    with transaction(database) as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
+        found = sources.list_sources(connection, map_name=map_name, after=after, limit=limit)
+    return SourceList(
+        sources=[_document(each) for each in found],
+        next=next_after([each.source_id for each in found], limit),
+    )
+
+
+@router.get("/sources/{id}", operation_id="get_source", responses=reads(404))
+def get_source(database: Database, id: SmallId) -> SourceDocument:  # noqa: A002
+    """A source."""
+    with transaction(database) as connection:
+        return _read(connection, id)
+
+
+@router.patch("/sources/{id}", operation_id="change_source", responses=edits(404))
+def change_source(edit: Edit, id: SmallId, changes: SourceChanges) -> SourceDocument:  # noqa: A002
+    """Believe a source further, or less, from its next states on."""
+    with edit.begin(lambda connection: _read(connection, id)) as connection:
+        known = sources.get_source(connection, id)
+        settings = replace(known.settings, **changes.model_dump(exclude_unset=True))
+        return _document(sources.change_source(connection, id, settings))
+
+
+def _read(connection: Connection, source_id: int) -> SourceDocument:
+    return _document(sources.get_source(connection, source_id))
+
+
+def _document(source: sources.Source) -> SourceDocument:
+    return SourceDocument(
+        id=source.source_id,
+        map=source.map,
+        name=source.name,
+        lateness_s=source.settings.lateness_s,
+        jump_m=source.settings.jump_m,
+        jump_mps=source.settings.jump_mps,
+        late_states=source.late_states,
+        outliers=source.outliers,
+    )

@@ -1,0 +1,30 @@
+-- How probable relations are of queries that ask for certainty. A state has one standard deviation for both axes, and its
+-- error is taken as a normal distribution, the same in all directions (sql/106).
+
+-- How probable it is that a track is where a relation says, from its present position and standard deviation; null of a
+-- track that does not live, and of a query that does not ask for certainty. Without a deviation, and by its height where
+-- both have one, it is 1 or 0.
+create or replace function semap.relation_probability(p_track_id bigint, p_region_id integer) returns double precision
+language sql stable as $$
+  select case when t.z_m is not null and not (t.z_m >= r.z_min_m and t.z_m < r.z_max_m) then 0
+              else (semap.probability_inside(r.footprint, t.x_m, t.y_m, t.std_m::double precision ^ 2, 0,
+                                             t.std_m::double precision ^ 2)).probability end
+  from semap.region r
+  join semap.track_present t on t.map_id = r.map_id and t.track_id = p_track_id
+  where r.region_id = p_region_id and r.enter_stds is not null
+$$;
+comment on function semap.relation_probability is
+  'How probable it is that a track is where a relation says, from its present position and standard deviation; null of a'
+  ' track that does not live, and of a query that does not ask for certainty.';
+
+-- What holds now by queries that ask for certainty, and how probable each of it is now.
+create or replace view semap.relation_certainty with (security_invoker = true) as
+  select m.name as map, r.query_name as query, n.track_id, t.name as track, n.instance_id, r.instance_name as instance,
+         n.since, semap.relation_probability(n.track_id, n.region_id) as probability, n.map_id
+  from semap.relation n
+  join semap.region r using (region_id)
+  join semap.track t using (track_id)
+  join semap.map m on m.map_id = n.map_id
+  where r.enter_stds is not null;
+comment on view semap.relation_certainty is
+  'What holds now by queries that ask for certainty, and how probable each of it is now.';
