@@ -127,6 +127,6 @@ def _page(connection: Connection, found: tuple[relations.Relation, ...], limit: 
 
 def _document(found: relations.Relation, probability: float | None) -> RelationDocument:
     duration_s = None if found.until is None else (found.until - found.since).total_seconds()
-    computed = {"duration_s": duration_s, "probability": probability}
+    computed = ("duration_s", "probability")
     said = {name: getattr(found, name) for name in RelationDocument.model_fields if name not in computed}
-    return RelationDocument(**said, **computed)
+    return RelationDocument(**said, duration_s=duration_s, probability=probability)
