@@ -102,6 +102,56 @@ $$;
 comment on function semap.unsettle is
   'Let every track in a cell of these regions, or of their edges, be looked up at its next state.';
 
+-- The cells that these regions reach into.
+create or replace function semap.cells_of_regions(p_region_ids integer[]) returns table (
+  map_id integer, cell_x integer, cell_y integer, region_id integer, whole boolean, careful boolean,
+  z_min_m double precision, z_max_m double precision
+)
+language sql stable as $$
+  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.careful,
+         r.z_min_m, r.z_max_m
+  from semap.region r
+  join semap.map m using (map_id)
+  cross join lateral generate_series(floor(st_xmin(r.footprint) / m.cell_m)::integer,
+                                     floor(st_xmax(r.footprint) / m.cell_m)::integer) cell_x
+  cross join lateral generate_series(floor(st_ymin(r.footprint) / m.cell_m)::integer,
+                                     floor(st_ymax(r.footprint) / m.cell_m)::integer) cell_y
+  cross join lateral (
+    select st_makeenvelope(cell_x * m.cell_m, cell_y * m.cell_m,
+                           (cell_x + 1) * m.cell_m, (cell_y + 1) * m.cell_m) as square
+  ) cell
+  where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square)
+$$;
+comment on function semap.cells_of_regions is
+  'The cells that these regions reach into.';
+
+-- The edges of these regions, each in every cell that it passes through. One that is kept away from is, too, where it may
+-- be too near for a position that is as inexact as the query allows; one of a rounded shape is widened by the half
+-- millimetre that its corners lack.
+create or replace function semap.edges_of_regions(p_region_ids integer[]) returns table (
+  map_id integer, cell_x integer, cell_y integer, region_id integer, stds real,
+  x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision
+)
+language sql stable as $$
+  select r.map_id, cell_x, cell_y, r.region_id, w.stds, e.x_min_m - w.by_m, e.x_max_m + w.by_m,
+         e.y_min_m - w.by_m, e.y_max_m + w.by_m
+  from semap.region r
+  join semap.map m using (map_id)
+  cross join lateral (
+    select greatest(r.enter_stds, r.leave_stds, 0)::real as stds, coalesce(r.widest_std_m, 0) as widest_std_m,
+           case when r.distance_m is null then 0 else 0.001 end as by_m) w
+  cross join lateral (select shape from unnest(array[r.footprint, r.core, r.reach]) shape
+                      where shape is not null and not st_isempty(shape)) s
+  cross join lateral semap.footprint_edges(s.shape) e
+  cross join lateral generate_series(floor((e.x_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
+                                     floor((e.x_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_x
+  cross join lateral generate_series(floor((e.y_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
+                                     floor((e.y_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_y
+  where r.region_id = any (p_region_ids)
+$$;
+comment on function semap.edges_of_regions is
+  'The edges of these regions, each in every cell that it passes through.';
+
 -- Write the cells and edges of these regions anew. A region that would fill more than a million
 -- cells is refused: its map wants larger ones.
 create or replace function semap.index_regions(p_region_ids integer[]) returns void
@@ -124,38 +174,9 @@ begin
   delete from semap.region_edge where region_id = any (p_region_ids);
 
   insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, careful, z_min_m, z_max_m)
-  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.careful,
-         r.z_min_m, r.z_max_m
-  from semap.region r
-  join semap.map m using (map_id)
-  cross join lateral generate_series(floor(st_xmin(r.footprint) / m.cell_m)::integer,
-                                     floor(st_xmax(r.footprint) / m.cell_m)::integer) cell_x
-  cross join lateral generate_series(floor(st_ymin(r.footprint) / m.cell_m)::integer,
-                                     floor(st_ymax(r.footprint) / m.cell_m)::integer) cell_y
-  cross join lateral (
-    select st_makeenvelope(cell_x * m.cell_m, cell_y * m.cell_m,
-                           (cell_x + 1) * m.cell_m, (cell_y + 1) * m.cell_m) as square
-  ) cell
-  where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square);
-
-  -- an edge that is kept away from, too, where it may be too near for a position that is as inexact as the query allows;
-  -- one of a rounded shape is widened by the half millimetre that its corners lack
+  select * from semap.cells_of_regions(p_region_ids);
   insert into semap.region_edge (map_id, cell_x, cell_y, region_id, stds, x_min_m, x_max_m, y_min_m, y_max_m)
-  select r.map_id, cell_x, cell_y, r.region_id, w.stds, e.x_min_m - w.by_m, e.x_max_m + w.by_m,
-         e.y_min_m - w.by_m, e.y_max_m + w.by_m
-  from semap.region r
-  join semap.map m using (map_id)
-  cross join lateral (
-    select greatest(r.enter_stds, r.leave_stds, 0)::real as stds, coalesce(r.widest_std_m, 0) as widest_std_m,
-           case when r.distance_m is null then 0 else 0.001 end as by_m) w
-  cross join lateral (select shape from unnest(array[r.footprint, r.core, r.reach]) shape
-                      where shape is not null and not st_isempty(shape)) s
-  cross join lateral semap.footprint_edges(s.shape) e
-  cross join lateral generate_series(floor((e.x_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
-                                     floor((e.x_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_x
-  cross join lateral generate_series(floor((e.y_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
-                                     floor((e.y_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_y
-  where r.region_id = any (p_region_ids);
+  select * from semap.edges_of_regions(p_region_ids);
 
   -- many new rows at once, as after an import: the plans of the triggers should know of them at once
   if cardinality(p_region_ids) >= 100 then

@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from semap_service.cli.output import print_json
-from semap_service.cli.session import AsJson, Dsn
+from semap_service.cli.session import AsJson, Dsn, database
+
+if TYPE_CHECKING:
+    from semap_service.operations.doctor.verification import Verification, Verified
+
+Verify = Annotated[
+    bool, typer.Option("--verify", help="Compute all relations from nothing and compare them with what is stored.")
+]
+OneMap = Annotated[
+    str | None, typer.Option("--map", metavar="MAP", show_default=False, help="With --verify: only this map.")
+]
+Repair = Annotated[
+    bool, typer.Option("--repair", help="With --verify: make what differs anew, while nobody writes.")
+]
 
 
-def doctor(as_json: AsJson = False, dsn: Dsn = None) -> None:
+def doctor(
+    verify: Verify = False,
+    map_name: OneMap = None,
+    repair: Repair = False,
+    as_json: AsJson = False,
+    dsn: Dsn = None,
+) -> None:
     """Look whether all is well: the database, the flow of events, this machine. Say what to do where not.
 
     Each check is ok, warn (it works, but look after it) or wrong. Nothing is changed. Exit status 1 where
     something is wrong.
+
+    With --verify, it looks at relations instead: whether they are those that maps, queries and states give.
+    Writers go on meanwhile. With --repair as well, what differs is made anew; rules and clients are told.
     """
+    if repair and not verify or map_name is not None and not verify:
+        raise typer.BadParameter("--map and --repair go with --verify.")
+    if verify:
+        _verify(dsn, map_name, repair, as_json)
+    else:
+        _examine(dsn, as_json)
+
+
+def _examine(dsn: str | None, as_json: bool) -> None:
     from semap_service.operations.doctor.examination import examine_all  # noqa: PLC0415
     from semap_service.operations.doctor.finding import Level  # noqa: PLC0415
 
@@ -32,3 +65,48 @@ def doctor(as_json: AsJson = False, dsn: Dsn = None) -> None:
         print_json({"ok": not is_wrong, "findings": findings})
     if is_wrong:
         raise typer.Exit(1)
+
+
+def _verify(dsn: str | None, map_name: str | None, repair: bool, as_json: bool) -> None:
+    from semap_service.operations.doctor.verification import verify  # noqa: PLC0415
+
+    is_seen = sys.stderr.isatty() and not as_json
+
+    def progress(said: str) -> None:
+        if is_seen:
+            typer.echo(f"\r\033[K{said} ...\r", nl=False, err=True)
+
+    with database(dsn) as own:
+        verification = verify(own, progress)
+        with verification.connection:
+            found = _look(verification, map_name, as_json)
+            said: dict[str, Any] = {"verified": [asdict(each) for each in found]}
+            if repair and verification.differing:
+                repaired = list(verification.repair())
+                said["repaired"] = [asdict(each) for each in repaired]
+                for each in repaired:
+                    if not as_json:
+                        typer.echo(f"repaired  {each.map_name}: {each.crossings} relations began or ended by it")
+                found = _look(verification, map_name, as_json)
+                said["verified_again"] = [asdict(each) for each in found]
+    is_wrong = any(each.differ for each in found)
+    if as_json:
+        print_json({"ok": not is_wrong, **said})
+    elif is_wrong and not repair:
+        typer.echo("-> Make what differs anew: semap doctor --verify --repair")
+    if is_wrong:
+        raise typer.Exit(1)
+
+
+def _look(verification: Verification, map_name: str | None, as_json: bool) -> list[Verified]:
+    found = []
+    for each in verification.look(map_name):
+        found.append(each)
+        if as_json:
+            continue
+        level = "wrong" if each.differ else "ok"
+        note = f" ({each.note})" if each.note else ""
+        typer.echo(f"{level:<5}  {each.map_name}  {each.what}: {each.rows} looked at, {each.differ} differ{note}")
+        for thing, stored, wanted in each.examples:
+            typer.echo(f"{'':<7}{thing}: stored is {stored}; it should be {wanted}")
+    return found

@@ -1,0 +1,252 @@
+"""Relations with careful regions against the states of tracks, followed once more (`careful_replay`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+import numpy as np
+import psycopg
+import shapely
+from psycopg.rows import namedtuple_row
+
+from semap.timeline.stamp import to_us
+from semap_service.operations.doctor.careful_replay import (
+    CarefulRegion,
+    Memory,
+    Way,
+    is_possible,
+    possible_memories,
+)
+
+MOST_STATES = 10_000
+REACH = timedelta(hours=1)
+"""So far back, and so many of each track, states are read."""
+
+REGIONS = """
+    select r.*, st_asbinary(r.footprint) as footprint_wkb, st_asbinary(coalesce(r.shape, r.footprint)) as shape_wkb,
+           st_asbinary(r.core) as core_wkb, st_asbinary(r.reach) as reach_wkb
+    from semap.region r where r.map_id = %s and r.careful order by r.region_id
+"""
+TRACKS = """
+    select p.*, k.name, t.first_stamp, s.jump_m, s.jump_mps, s.late_states,
+           array(select query_id from semap.query_track q where q.track_id = p.track_id) as query_ids
+    from semap.present_places(%s) p
+    join semap.track_now t using (track_id)
+    join semap.track k using (track_id)
+    join semap.source s on s.source_id = p.source_id
+    where p.live order by p.track_id
+"""
+MEMORIES = """
+    select coalesce(n.track_id, v.track_id) as track_id, coalesce(n.region_id, v.region_id) as region_id,
+           n.track_id is not null as is_related, coalesce(v.held, n.track_id is not null) as held,
+           coalesce(v.inside, n.track_id is not null) as inside, v.inside_at,
+           coalesce(v.side, n.track_id is not null) as side, v.side_at
+    from (select n.* from semap.relation n join semap.region r using (region_id) where n.map_id = %s and r.careful) n
+    full join (select * from semap.verge where map_id = %s) v using (track_id, region_id)
+"""
+STATES = """
+    select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m::float8, std_m::float8, is_last
+    from (
+      select s.*, row_number() over (partition by s.track_id order by s.stamp desc) as back
+      from semap.stored_state s
+      join unnest(%(ids)s::bigint[], %(until)s::timestamptz[]) p (track_id, until) using (track_id)
+      where s.stamp <= p.until
+        and s.stamp >= %(since)s and s.from_stamp > %(since)s::timestamptz - interval '30 min' and s.to_stamp >= %(since)s
+    ) newest
+    where back <= %(most)s order by track_id, stamp
+"""
+
+Progress = Callable[[str], None]
+
+
+@dataclass
+class CarefulResult:
+    """Mutable while tracks are looked at.
+
+    pairs     looked at: a track and a region that is or was near
+    partly    of these, such whose way could not be followed from where the track appeared
+    wrong     track and region ids
+    examples  thing, stored and wanted, of the first few
+    """
+
+    pairs: int = 0
+    partly: int = 0
+    wrong: list[tuple[int, int]] = field(default_factory=list)
+    examples: list[tuple[str, str, str]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Track:
+    track_id: int
+    name: str
+    stamp: datetime
+    place: tuple[float, float, float, float]
+    first_us: int | None
+    jump_m: float | None
+    jump_mps: float
+    has_late: bool
+    query_ids: frozenset[int]
+
+
+def check_careful(
+    connection: psycopg.Connection, map_id: int, progress: Progress, most_examples: int
+) -> CarefulResult:
+    """Each live track beside each careful region of a map that it is or was near, within one snapshot."""
+    result = CarefulResult()
+    regions = _regions(connection, map_id)
+    tracks = _tracks(connection, map_id)
+    stored = {(row[0], row[1]): row for row in connection.execute(MEMORIES, [map_id, map_id])}
+    if regions and tracks:
+        near = shapely.STRtree([shapely.box(*_bounds(region)) for region in regions])
+        numbers = {region.region_id: n for n, region in enumerate(regions)}
+        for done, (track, states) in enumerate(_ways(connection, tracks), 1):
+            if done % 100 == 0:
+                progress(f"{done} of {len(tracks)} tracks followed past careful regions")
+            box = shapely.box(states.x_m.min(), states.y_m.min(), states.x_m.max(), states.y_m.max())
+            told = {numbers[key[1]] for key in stored if key[0] == track.track_id and key[1] in numbers}
+            for n in sorted(told | set(near.query(box.buffer(0.001)).tolist())):
+                row = stored.pop((track.track_id, regions[n].region_id), None)
+                _compare(result, track, regions[n], states, row, most_examples)
+    for track_id, region_id in stored:
+        result.wrong.append((track_id, region_id))
+        if len(result.examples) < most_examples:
+            result.examples.append((f"track {track_id}, region {region_id}", "a relation", "the track does not live"))
+    return result
+
+
+def _compare(
+    result: CarefulResult, track: _Track, region: CarefulRegion, way: Way, row: tuple | None, most: int
+) -> None:
+    related, memory = False, Memory(False, False, None, False, None)
+    if row is not None:
+        _, _, related, held, inside, inside_at, side, side_at = row
+        memory = Memory(held, inside, _us(inside_at), side, _us(side_at))
+    result.pairs += 1
+    result.partly += not way.is_whole
+    if not region.is_chosen or region.query_id in track.query_ids:
+        memories = possible_memories(region, way)
+    else:
+        memories = {Memory(False, False, None, False, None)}
+    if related == memory.held and is_possible(region, memories, memory, int(way.stamp_us[-1])):
+        return
+    result.wrong.append((track.track_id, region.region_id))
+    if len(result.examples) < most:
+        wanted = sorted({_words(each) for each in memories})
+        result.examples.append(
+            (f"track {track.name}, {region.name}", _words(memory, related), ", or ".join(wanted))
+        )
+
+
+def _words(memory: Memory, related: bool | None = None) -> str:
+    held = memory.held if related is None else related
+    said = "a relation" if held else "no relation"
+    if memory.held != memory.inside:
+        said += f" that waits to {'begin' if memory.inside else 'end'}"
+    return said + (", inside of the boundary" if memory.side else ", outside of the boundary")
+
+
+def _us(stamp: datetime | None) -> int | None:
+    return None if stamp is None else to_us(stamp)
+
+
+def _span_us(span: timedelta | None) -> int | None:
+    return None if span is None else round(span / timedelta(microseconds=1))
+
+
+def _regions(connection: psycopg.Connection, map_id: int) -> list[CarefulRegion]:
+    def shape(wkb: bytes | None) -> shapely.Geometry | None:
+        return None if wkb is None else shapely.from_wkb(wkb)
+
+    found = []
+    with connection.cursor(row_factory=namedtuple_row) as cursor:
+        for row in cursor.execute(REGIONS, [map_id]):
+            shapes = [shape(wkb) for wkb in (row.footprint_wkb, row.shape_wkb, row.core_wkb, row.reach_wkb)]
+            shapely.prepare([each for each in shapes if each is not None])
+            footprint, compared, core, reach = shapes
+            found.append(
+                CarefulRegion(
+                    row.region_id, row.query_id, f"{row.instance_name} ({row.query_name})", row.predicate,
+                    footprint, compared, row.distance_m, core, reach, row.z_min_m, row.z_max_m,
+                    _span_us(row.enter_confirm) or 0, _span_us(row.leave_confirm) or 0,
+                    row.enter_stds, row.leave_stds, row.widest_std_m, _span_us(row.longest_gap), row.fastest_mps,
+                    row.subject is not None,
+                )
+            )  # fmt: skip
+    return found
+
+
+def _tracks(connection: psycopg.Connection, map_id: int) -> list[_Track]:
+    with connection.cursor(row_factory=namedtuple_row) as cursor:
+        return [
+            _Track(
+                row.track_id, row.name, row.stamp, (row.x_m, row.y_m, _number(row.z_m), _number(row.std_m)),
+                _us(row.first_stamp), row.jump_m, row.jump_mps, row.late_states > 0, frozenset(row.query_ids),
+            )
+            for row in cursor.execute(TRACKS, [map_id])
+        ]  # fmt: skip
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _bounds(region: CarefulRegion) -> tuple[float, float, float, float]:
+    bounds = np.array([each.bounds for each in region.boundaries() if not each.is_empty])
+    low, high = np.nanmin(bounds[:, :2], axis=0), np.nanmax(bounds[:, 2:], axis=0)
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def _ways(connection: psycopg.Connection, tracks: list[_Track]) -> Iterator[tuple[_Track, Way]]:
+    """Each track with as much of its way as is certain: at least where it is."""
+    newest = max(track.stamp for track in tracks)
+    recent = {track.track_id: track for track in tracks if track.stamp > newest - REACH and not track.has_late}
+    since = min((track.stamp for track in recent.values()), default=newest) - REACH
+    parameters = {
+        "ids": list(recent),
+        "until": [track.stamp for track in recent.values()],
+        "since": since,
+        "most": MOST_STATES,
+    }
+    followed: set[int] = set()
+    with connection.cursor("semap_doctor_states") as cursor:
+        cursor.itersize = 20_000
+        cursor.execute(STATES, parameters)
+        track_id, rows = None, []
+        for row in cursor:
+            if row[0] != track_id and track_id is not None:
+                followed.add(track_id)
+                yield recent[track_id], _way(recent[track_id], rows)
+                rows = []
+            track_id = row[0]
+            rows.append(row[1:])
+        if track_id is not None:
+            followed.add(track_id)
+            yield recent[track_id], _way(recent[track_id], rows)
+    for track in tracks:
+        if track.track_id not in followed:
+            yield track, _present(track)
+
+
+def _way(track: _Track, rows: list[tuple]) -> Way:
+    """What came in order and passed the gate for outliers without doubt."""
+    columns = list(zip(*rows, strict=True))
+    stamp_us = np.array(columns[0], dtype=np.int64)
+    x_m, y_m, z_m, std_m = (np.array(column, dtype=np.float64) for column in columns[1:5])
+    is_last = np.array(columns[5], dtype=np.bool_)
+    if stamp_us[-1] != to_us(track.stamp) or (x_m[-1], y_m[-1]) != track.place[:2]:
+        return _present(track)
+    start = 0
+    if track.jump_m is not None and len(stamp_us) > 1:
+        far_m = np.hypot(np.diff(x_m), np.diff(y_m)) - track.jump_mps * np.diff(stamp_us) / 1e6
+        start = int(np.flatnonzero(far_m > track.jump_m).max(initial=-1)) + 1
+    kept = slice(start, None)
+    is_whole = start == 0 and len(stamp_us) < MOST_STATES and track.first_us == stamp_us[0]
+    return Way(stamp_us[kept], x_m[kept], y_m[kept], z_m[kept], std_m[kept], is_last[kept], is_whole)
+
+
+def _present(track: _Track) -> Way:
+    x_m, y_m, z_m, std_m = (np.array([value]) for value in track.place)
+    stamp_us = np.array([to_us(track.stamp)], dtype=np.int64)
+    return Way(stamp_us, x_m, y_m, z_m, std_m, np.zeros(1, dtype=np.bool_), False)

@@ -1,0 +1,254 @@
+"""Careful regions followed once more, state after state, in plain Python: which memories of a track could be right.
+
+What semap keeps of a track near a careful region (`verge`) depends on the way that the track came, and begins anew
+when the track appears, when the region is edited, and when its query begins to be about the track. When that was is not
+stored. So all beginnings are followed at once: the set of memories holds one for each state that may have been the
+first, and as many for what was before the first state that is known. A memory that is stored and is not among them
+cannot be right. Most states decide (deep inside, far outside), so that the set is small.
+
+Nothing here is shared with the triggers: shapes are asked of shapely, not of PostGIS. No I/O.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.float64]
+NEAR_US = 2
+"""So exact are moments between two states, which are rounded."""
+
+
+class Memory(NamedTuple):
+    """As in semap.verge, with None for a moment that makes no difference any more.
+
+    inside_us  since when `inside` waits to be confirmed; UNKNOWN where that was before the first state that is known
+    """
+
+    held: bool
+    inside: bool
+    inside_us: int | None
+    side: bool
+    side_us: int | None
+
+
+UNKNOWN = -(2**62)
+
+
+@dataclass(frozen=True)
+class CarefulRegion:
+    """A row of semap.region; times in microseconds, lengths in metres."""
+
+    region_id: int
+    query_id: int
+    name: str
+    predicate: str
+    footprint: shapely.Geometry
+    shape: shapely.Geometry
+    distance_m: float | None
+    core: shapely.Geometry | None
+    reach: shapely.Geometry | None
+    z_min_m: float
+    z_max_m: float
+    enter_confirm_us: int
+    leave_confirm_us: int
+    enter_stds: float | None
+    leave_stds: float | None
+    widest_std_m: float | None
+    longest_gap_us: int | None
+    fastest_mps: float | None
+    is_chosen: bool
+
+    def confirm_us(self, inside: bool) -> int:
+        return self.enter_confirm_us if inside else self.leave_confirm_us
+
+    def boundaries(self) -> list[shapely.Geometry]:
+        return [each for each in (self.footprint, self.core, self.reach) if each is not None]
+
+
+@dataclass(frozen=True)
+class Way:
+    """States of one track, in order. All arrays are (n,); z_m and std_m are NaN where a state has none.
+
+    is_whole  the first state is the one with which the track appeared
+    """
+
+    stamp_us: NDArray[np.int64]
+    x_m: Numbers
+    y_m: Numbers
+    z_m: Numbers
+    std_m: Numbers
+    is_last: Flags
+    is_whole: bool
+
+
+@dataclass(frozen=True)
+class _Stand:
+    side: Flags
+    enters: Flags
+    leaves: Flags
+
+
+def possible_memories(region: CarefulRegion, way: Way) -> set[Memory]:
+    """What may be kept of the track after its last state; at least one state is needed."""
+    stand = _stand(region, way.x_m, way.y_m, way.z_m, way.std_m)
+    memories = set() if way.is_whole else set(_unknown(bool(stand.side[0])))
+    between = _between(region, way)
+    for n, stamp_us in enumerate(way.stamp_us.tolist()):
+        side = bool(stand.side[n])
+        if n == 0 and way.is_whole or n > 0 and way.is_last[n - 1]:
+            memories = set()
+        found: set[Memory] = set()
+        for memory in memories:
+            for step in _step(region, memory, between.get(n, []), stamp_us):
+                found |= set(_tread(region, step, stamp_us, side, bool(stand.enters[n]), bool(stand.leaves[n])))
+        memories = found | {Memory(side, side, None, side, None)}
+    return memories
+
+
+def is_possible(region: CarefulRegion, memories: set[Memory], stored: Memory, stamp_us: int) -> bool:
+    """Whether what is stored is one of these, at the stamp of the last state."""
+    wanted = _tidy(stored)
+    due_us = None if wanted.inside_us is None else wanted.inside_us + region.confirm_us(wanted.inside)
+    return any(
+        (memory.held, memory.inside, memory.side) == (wanted.held, wanted.inside, wanted.side)
+        and (
+            due_us is not None and due_us > stamp_us
+            if memory.inside_us == UNKNOWN
+            else _near(memory.inside_us, wanted.inside_us)
+        )
+        and (memory.side_us == UNKNOWN or _near(memory.side_us, wanted.side_us))
+        for memory in memories
+    )
+
+
+def _near(one: int | None, other: int | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return abs(one - other) <= NEAR_US
+
+
+def _unknown(side: bool) -> Iterator[Memory]:
+    for held in (False, True):
+        for inside in (False, True):
+            yield _tidy(Memory(held, inside, UNKNOWN, side, UNKNOWN))
+
+
+def _tidy(memory: Memory) -> Memory:
+    inside_us = None if memory.held == memory.inside else memory.inside_us
+    side_us = None if memory.held == memory.inside == memory.side else memory.side_us
+    return memory._replace(inside_us=inside_us, side_us=side_us)
+
+
+def _settled(region: CarefulRegion, memory: Memory, at_us: int) -> Iterator[Memory]:
+    if memory.held == memory.inside:
+        yield memory
+        return
+    confirm_us = region.confirm_us(memory.inside)
+    is_unknown = memory.inside_us == UNKNOWN
+    if is_unknown or at_us >= (memory.inside_us or 0) + confirm_us:
+        yield memory._replace(held=memory.inside)
+    if is_unknown and confirm_us > 0 or not is_unknown and at_us < (memory.inside_us or 0) + confirm_us:
+        yield memory
+
+
+def _tread(
+    region: CarefulRegion, memory: Memory, at_us: int, side: bool, enters: bool, leaves: bool
+) -> Iterator[Memory]:
+    """One place of the way."""
+    if side != memory.side:
+        memory = memory._replace(side=side, side_us=at_us)
+    if (enters and not memory.inside) or (leaves and memory.inside):
+        memory = memory._replace(inside=enters, inside_us=at_us)
+    for settled in _settled(region, memory, at_us):
+        yield _tidy(settled)
+
+
+def _step(
+    region: CarefulRegion, memory: Memory, parts: list[tuple[int, bool, bool, bool]], stamp_us: int
+) -> set[Memory]:
+    """The way to a state, where it is known: each part of it, up to the state."""
+    memories = {memory}
+    for at_us, side, enters, leaves in parts:
+        waited = {settled for each in memories for settled in _settled(region, each, at_us)}
+        memories = {after for each in waited for after in _tread(region, each, at_us, side, enters, leaves)}
+    if parts:
+        memories = {settled for each in memories for settled in _settled(region, each, stamp_us)}
+    return memories
+
+
+def _stand(region: CarefulRegion, x_m: Numbers, y_m: Numbers, z_m: Numbers, std_m: Numbers) -> _Stand:
+    points = shapely.points(x_m, y_m)
+    at_height = np.isnan(z_m) | ((z_m >= region.z_min_m) & (z_m < region.z_max_m))
+    if region.predicate == "covers":
+        side = shapely.covers(region.shape, points)
+    elif region.predicate == "within_distance":
+        side = shapely.dwithin(region.shape, points, region.distance_m)
+    else:
+        side = shapely.contains(region.shape, points)
+    side = side & at_height
+    enters, far = side.copy(), ~side
+    if region.core is not None:
+        enters &= shapely.contains(region.core, points)
+    if region.reach is not None:
+        far &= ~shapely.contains(region.reach, points)
+    if region.enter_stds is not None and region.leave_stds is not None and region.widest_std_m is not None:
+        depth_m = shapely.distance(shapely.boundary(region.footprint), points)
+        known_m = np.nan_to_num(std_m)
+        is_vague = known_m > region.widest_std_m
+        enters &= (depth_m >= region.enter_stds * known_m) & ~is_vague
+        far &= (depth_m >= region.leave_stds * known_m) & ~is_vague
+    return _Stand(side, enters, far | ~at_height)
+
+
+def _between(region: CarefulRegion, way: Way) -> dict[int, list[tuple[int, bool, bool, bool]]]:
+    """By state: the parts of the way to it, each with its beginning and how it stands to the region."""
+    if region.longest_gap_us is None or region.fastest_mps is None or len(way.stamp_us) < 2:
+        return {}
+    gap_us = np.diff(way.stamp_us)
+    length_m = np.hypot(np.diff(way.x_m), np.diff(way.y_m))
+    is_known = (gap_us <= region.longest_gap_us) & (length_m <= region.fastest_mps * gap_us / 1e6)
+    found = {}
+    for n in (np.flatnonzero(is_known) + 1).tolist():
+        parts = sorted(_parts(region, way, n))
+        if not parts or way.is_last[n - 1]:
+            continue
+        starts = sorted({0.0, *(part for part in parts if part < 1)})
+        middles = np.array([(a + b) / 2 for a, b in pairwise([*starts, 1.0])])
+        stand = _stand(
+            region,
+            way.x_m[n - 1] + middles * (way.x_m[n] - way.x_m[n - 1]),
+            way.y_m[n - 1] + middles * (way.y_m[n] - way.y_m[n - 1]),
+            way.z_m[n - 1] + middles * (way.z_m[n] - way.z_m[n - 1]),
+            np.full(len(middles), way.std_m[n]),
+        )
+        found[n] = [
+            (int(way.stamp_us[n - 1]) + round(start * int(gap_us[n - 1])), bool(side), bool(enters), bool(leaves))
+            for start, side, enters, leaves in zip(starts, stand.side, stand.enters, stand.leaves, strict=True)
+        ]
+    return found
+
+
+def _parts(region: CarefulRegion, way: Way, n: int) -> set[float]:
+    """Parts of the way to state n at which it meets a boundary or an end of the heights."""
+    parts: set[float] = set()
+    x_m, y_m, z_m = way.x_m[n - 1 : n + 1], way.y_m[n - 1 : n + 1], way.z_m[n - 1 : n + 1]
+    length_m = float(np.hypot(x_m[1] - x_m[0], y_m[1] - y_m[0]))
+    if length_m > 0:
+        line = shapely.LineString(np.column_stack([x_m, y_m]))
+        for shape in region.boundaries():
+            if not shapely.intersects(line, shapely.box(*shape.bounds)):
+                continue
+            met = shapely.get_coordinates(shapely.intersection(shapely.boundary(shape), line))
+            parts |= {float(np.hypot(x - x_m[0], y - y_m[0])) / length_m for x, y in met}
+    if not np.isnan(z_m).any() and z_m[0] != z_m[1]:
+        heights = (float((z - z_m[0]) / (z_m[1] - z_m[0])) for z in (region.z_min_m, region.z_max_m))
+        parts |= {part for part in heights if 0 <= part <= 1}
+    return parts

@@ -1,0 +1,160 @@
+"""`semap doctor --verify`: what must hold of relations, computed from nothing and compared with what is stored.
+
+One snapshot of the database is looked at, so that writers go on meanwhile and what is half done is not seen. With
+`repair`, what differs is made anew in one transaction for each map, which keeps writers out until it is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import psycopg
+from psycopg import IsolationLevel
+
+from semap.errors import NotFound
+from semap.store.database import connect, translated
+from semap_service.operations.doctor.careful_check import Progress, check_careful
+
+EXAMPLES = 5
+CAREFUL = "careful relations"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Something that is stored, and the function that says where it differs (sql/500, 505); `rows` counts it."""
+
+    name: str
+    what: str
+    rows: str
+    function: str
+
+
+COMPARISONS = (
+    Comparison("regions", "regions against the queries and the map", "select count(*) from semap.region where map_id = %s",
+               "region_differences"),
+    Comparison("grid", "cells and edges against their regions",
+               "select (select count(*) from semap.region_cell c where c.map_id = m.map_id)"
+               " + (select count(*) from semap.region_edge e where e.map_id = m.map_id) from semap.map m where m.map_id = %s",
+               "grid_differences"),
+    Comparison("subjects", "chosen tracks against the conditions of queries",
+               "select count(*) from semap.query_track where map_id = %s", "choice_differences"),
+    Comparison("presents", "presents of tracks against their newest states",
+               "select count(*) from semap.track where map_id = %s", "present_differences"),
+    Comparison("plain relations", "relations against footprints and heights",
+               "select count(*) from semap.relation where map_id = %s", "plain_differences"),
+    Comparison("held", "what presents and verges say against relations",
+               "select count(*) from semap.track_now where map_id = %s", "held_differences"),
+    Comparison("log", "relations against the folded log of changes",
+               "select count(*) from semap.relation_change where map_id = %s", "log_differences"),
+    Comparison("past", "stays that are over against the log",
+               "select count(*) from semap.relation_past where map_id = %s", "past_differences"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What one comparison found on one map.
+
+    rows      that were looked at
+    differ    of things that are not as they should be
+    examples  of these the first few: what, as it is stored, as it should be
+    note      what was not looked at
+    """
+
+    map_name: str
+    name: str
+    what: str
+    rows: int
+    differ: int
+    examples: list[tuple[str, str, str]] = field(default_factory=list)
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """How many relations began or ended when a map was made right."""
+
+    map_name: str
+    crossings: int
+
+
+@dataclass
+class Verification:
+    """Mutable: what was found so far, for the repair.
+
+    wrong  by map: tracks and careful regions whose relation cannot be right
+    """
+
+    connection: psycopg.Connection
+    progress: Progress
+    differing: set[str] = field(default_factory=set)
+    wrong: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+
+    def look(self, map_name: str | None) -> Iterator[Verified]:
+        """Every comparison on one map, or on all of them.
+
+        raises NotFound where there is no such map
+        """
+        self.differing, self.wrong = set(), {}
+        self.connection.isolation_level = IsolationLevel.REPEATABLE_READ
+        with translated(), self.connection.transaction():
+            for map_id, name in _maps(self.connection, map_name):
+                for comparison in COMPARISONS:
+                    self.progress(f"{name}: {comparison.what}")
+                    yield self._noted(_compare(self.connection, map_id, name, comparison))
+                self.progress(f"{name}: relations with careful regions against the ways of tracks")
+                yield self._noted(self._careful(map_id, name))
+
+    def repair(self) -> Iterator[Repaired]:
+        """Make every map right on which something differed."""
+        self.connection.isolation_level = IsolationLevel.READ_COMMITTED
+        for name in sorted(self.differing):
+            wrong = self.wrong.get(name, [])
+            with translated(), self.connection.transaction():
+                row = self.connection.execute(
+                    "select semap.repair_relations(map_id, %s::bigint[], %s::integer[]) from semap.map where name = %s",
+                    [[track for track, _ in wrong], [region for _, region in wrong], name],
+                ).fetchone()
+            yield Repaired(name, row[0] if row else 0)
+
+    def _noted(self, verified: Verified) -> Verified:
+        if verified.differ:
+            self.differing.add(verified.map_name)
+        return verified
+
+    def _careful(self, map_id: int, name: str) -> Verified:
+        found = check_careful(self.connection, map_id, lambda said: self.progress(f"{name}: {said}"), EXAMPLES)
+        self.wrong[name] = found.wrong
+        note = f"{found.partly} followed only in part" if found.partly else ""
+        return Verified(
+            name, CAREFUL, "relations with careful regions against the ways of tracks",
+            found.pairs, len(found.wrong), found.examples, note,
+        )  # fmt: skip
+
+
+def verify(dsn: str, progress: Progress) -> Verification:
+    """A connection of its own, which the caller closes (`Verification.connection`)."""
+    return Verification(connect(dsn, application="semap doctor", autocommit=True), progress)
+
+
+def _maps(connection: psycopg.Connection, map_name: str | None) -> list[tuple[int, str]]:
+    rows = connection.execute(
+        "select map_id, name from semap.map where %(name)s::text is null or name = %(name)s order by name",
+        {"name": map_name},
+    ).fetchall()
+    if map_name is not None and not rows:
+        raise NotFound("map", map_name, "List them: semap map list")
+    return rows
+
+
+def _compare(connection: psycopg.Connection, map_id: int, name: str, comparison: Comparison) -> Verified:
+    found = connection.execute(
+        f"select count(*) over (), thing, stored, wanted from semap.{comparison.function}(%s) limit %s",
+        [map_id, EXAMPLES],
+    ).fetchall()
+    row = connection.execute(comparison.rows, [map_id]).fetchone()
+    return Verified(
+        name, comparison.name, comparison.what, row[0] if row else 0, found[0][0] if found else 0,
+        [(thing, stored, wanted) for _, thing, stored, wanted in found],
+    )  # fmt: skip

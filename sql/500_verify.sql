@@ -1,0 +1,221 @@
+-- What must hold of relations, computed anew from what they follow from, and how what is stored differs from it. Each
+-- function with a name that ends in _differences gives a row for each thing that differs: what it is, what is stored,
+-- what should be. They change nothing and see one snapshot: in a transaction at REPEATABLE READ they are right while
+-- others write. Careful regions, whose relations depend on the way, are followed by `semap doctor --verify` itself.
+
+-- Where each track of a map is by what is stored, whether or not its place is written already (sql/134).
+create or replace function semap.present_places(p_map_id integer) returns table (
+  track_id bigint, source_id integer, live boolean, stamp timestamptz,
+  x_m double precision, y_m double precision, z_m double precision, std_m real
+)
+language sql stable as $$
+  select t.track_id, t.source_id, t.live, coalesce(s.stamp, t.stamp),
+         case when s.stamp is null then t.x_m else s.x_m end, case when s.stamp is null then t.y_m else s.y_m end,
+         case when s.stamp is null then t.z_m else s.z_m end, case when s.stamp is null then t.std_m else s.std_m end
+  from semap.track_now t
+  left join semap.source_count c on c.source_id = t.source_id and c.frame_stamp > c.placed_stamp
+  left join lateral (
+    select * from semap.stored_state s
+    where t.live and t.stamp < c.frame_stamp and s.track_id = t.track_id and s.stamp = c.frame_stamp
+      and s.from_stamp > c.frame_stamp - interval '30 min' and s.from_stamp <= c.frame_stamp and s.to_stamp >= c.frame_stamp
+    limit 1) s on true
+  where t.map_id = p_map_id
+$$;
+comment on function semap.present_places is
+  'Where each track of a map is by what is stored, whether or not its place is written already.';
+
+-- Regions against what the queries and the map ask for.
+create or replace function semap.region_differences(p_map_id integer)
+returns table (query_id integer, instance_id bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  with stored as materialized (
+    select * from semap.region where map_id = p_map_id
+  ), wanted as materialized (
+    select * from semap.region_wanted where map_id = p_map_id
+  )
+  select coalesce(r.query_id, w.query_id), coalesce(r.instance_id, w.instance_id),
+         format('region of %s (%s)', coalesce(w.instance_name, r.instance_name), coalesce(w.query_name, r.query_name)),
+         case when r.query_id is null then 'none' when w.query_id is null then 'one' else 'another one' end,
+         case when w.query_id is null then 'none' else 'what the map and the query say' end
+  from stored r full join wanted w on w.query_id = r.query_id and w.instance_id = r.instance_id
+  where r.query_id is null or w.query_id is null
+     or not to_jsonb(r) @> to_jsonb(w) - '{footprint,shape,core,reach}'::text[]
+     or (st_asbinary(r.footprint), st_asbinary(r.shape), st_asbinary(r.core), st_asbinary(r.reach)) is distinct from
+        (st_asbinary(w.footprint), st_asbinary(w.shape), st_asbinary(w.core), st_asbinary(w.reach))
+$$;
+comment on function semap.region_differences is
+  'Regions against what the queries and the map ask for.';
+
+-- Cells and edges of regions against those made anew.
+create or replace function semap.grid_differences(p_map_id integer)
+returns table (region_id integer, thing text, stored text, wanted text)
+language sql stable as $$
+  with own as materialized (
+    select array_agg(region_id) as ids from semap.region where map_id = p_map_id
+  ), wanted as materialized (
+    select 'cells' as kind, region_id, c::text as piece from own, semap.cells_of_regions(ids) c
+    union all
+    select 'edges', region_id, e::text from own, semap.edges_of_regions(ids) e
+  ), stored as materialized (
+    select 'cells' as kind, region_id,
+           row(map_id, cell_x, cell_y, region_id, whole, careful, z_min_m, z_max_m)::text as piece
+    from semap.region_cell where map_id = p_map_id
+    union all
+    select 'edges', region_id,
+           row(map_id, cell_x, cell_y, region_id, stds, x_min_m, x_max_m, y_min_m, y_max_m)::text
+    from semap.region_edge where map_id = p_map_id
+  ), differing as (
+    select kind, region_id, 1 as missing, 0 as strange from (select * from wanted except all select * from stored) m
+    union all
+    select kind, region_id, 0, 1 from (select * from stored except all select * from wanted) s
+  )
+  select d.region_id, format('%s of region %s (%s)', d.kind, r.instance_name, r.query_name),
+         sum(d.strange) || ' that should not be there', sum(d.missing) || ' more'
+  from differing d left join semap.region r using (region_id)
+  group by d.kind, d.region_id, r.instance_name, r.query_name
+$$;
+comment on function semap.grid_differences is
+  'Cells and edges of regions against those made anew.';
+
+-- Which tracks queries are about, against what their conditions say.
+create or replace function semap.choice_differences(p_map_id integer)
+returns table (query_id integer, track_id bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  select coalesce(s.query_id, w.query_id), coalesce(s.track_id, w.track_id),
+         format('track %s, query %s', t.name, q.name),
+         case when s.query_id is null then 'not chosen' else 'chosen' end,
+         case when w.query_id is null then 'not chosen' else 'chosen' end
+  from (select * from semap.query_track where map_id = p_map_id) s
+  full join (select * from semap.query_track_wanted where map_id = p_map_id) w using (query_id, track_id)
+  join semap.track t on t.track_id = coalesce(s.track_id, w.track_id)
+  join semap.continuous_query q on q.query_id = coalesce(s.query_id, w.query_id)
+  where s.query_id is null or w.query_id is null
+$$;
+comment on function semap.choice_differences is
+  'Which tracks queries are about, against what their conditions say.';
+
+-- The newest state of each of these tracks that was not set aside.
+create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz) returns table (
+  track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision, std_m real,
+  heading_rad real, speed_mps real, length_m real, width_m real
+)
+language sql stable as $$
+  select distinct on (s.track_id) s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m,
+         s.heading_rad, s.speed_mps, s.length_m, s.width_m
+  from semap.stored_state s join semap.track_now t using (track_id)
+  where t.track_id = any (p_track_ids) and s.stamp is distinct from t.outlier_stamp
+    and s.stamp >= p_since and s.from_stamp > p_since - interval '30 min' and s.to_stamp >= p_since
+  order by s.track_id, s.stamp desc
+$$;
+comment on function semap.newest_states is
+  'The newest state of each of these tracks that was not set aside.';
+
+-- The present of tracks against their newest states, and whether they live against when they ended.
+create or replace function semap.present_differences(p_map_id integer)
+returns table (track_id bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  with place as materialized (
+    select * from semap.present_places(p_map_id)
+  ), present as materialized (
+    select k.track_id, k.name, k.source_id as of_source, k.ended_at, t.source_id, t.map_id, t.cell_m, m.cell_m as map_cell_m,
+           t.track_id is not null as is_there, t.outlier_stamp, p.live, p.stamp, p.x_m, p.y_m, p.z_m
+    from semap.track k
+    join semap.map m on m.map_id = k.map_id
+    left join semap.track_now t on t.track_id = k.track_id
+    left join place p on p.track_id = k.track_id
+    where k.map_id = p_map_id
+  ), newest as materialized (
+    select s.* from (select array_agg(track_id) as ids, min(stamp) as since from present where live) b
+    cross join lateral semap.newest_states(b.ids, b.since) s
+  )
+  select p.track_id, format('track %s', p.name), d.stored, d.wanted
+  from present p
+  left join newest s using (track_id)
+  cross join lateral (
+    select 'no present', 'one' where not p.is_there
+    union all
+    select 'of another source, map or cell', 'as its track and its map'
+    where p.is_there and (p.source_id, p.map_id, p.cell_m) is distinct from (p.of_source, p_map_id, p.map_cell_m)
+    union all
+    select case when p.live then 'lives' else 'does not live' end,
+           case when p.ended_at is null then 'lives' else 'ended at ' || p.ended_at end
+    where p.is_there and p.live = (p.ended_at is not null) and p.stamp > '-infinity'
+    union all
+    select format('at (%s, %s) at %s', p.x_m, p.y_m, p.stamp), format('at (%s, %s) at %s', s.x_m, s.y_m, s.stamp)
+    where p.live and (s.stamp, s.x_m, s.y_m, s.z_m) is distinct from (p.stamp, p.x_m, p.y_m, p.z_m)
+      and (s.stamp is not null or p.stamp >= coalesce((select gone_before from semap.retention where kind = 'states'), '-infinity'))
+  ) d (stored, wanted)
+$$;
+comment on function semap.present_differences is
+  'The present of tracks against their newest states, and whether they live against when they ended.';
+
+-- The regions that the present of each track says it is in, against its relations; and verges against relations.
+create or replace function semap.held_differences(p_map_id integer)
+returns table (track_id bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  with held as materialized (
+    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}') as plain_ids,
+           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
+    from semap.relation n join semap.region r using (region_id)
+    where n.map_id = p_map_id group by n.track_id
+  )
+  select t.track_id, format('track %s, regions of its present', k.name),
+         array_to_string(t.region_ids || t.careful_ids, ' '), array_to_string(h.plain_ids || h.careful_ids, ' ')
+  from semap.track_now t join semap.track k using (track_id) left join held h on h.track_id = t.track_id
+  where t.map_id = p_map_id
+    and (t.region_ids, t.careful_ids) is distinct from (coalesce(h.plain_ids, '{}'), coalesce(h.careful_ids, '{}'))
+  union all
+  select v.track_id, format('track %s, verge of %s (%s)', k.name, r.instance_name, r.query_name),
+         case when v.held then 'held' else 'not held' end, case when v.held then 'no relation' else 'a relation' end
+  from semap.verge v
+  join semap.track k using (track_id)
+  join semap.region r using (region_id)
+  left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
+  where v.map_id = p_map_id and v.held <> (n.track_id is not null)
+$$;
+comment on function semap.held_differences is
+  'The regions that the present of each track says it is in, and its verges, against its relations.';
+
+-- Which plain regions hold each live track of a map, by its place and their footprints alone.
+create or replace function semap.plain_relations(p_map_id integer)
+returns table (track_id bigint, region_id integer)
+language plpgsql as $$
+begin
+  drop table if exists pg_temp.semap_footprint;
+  create temporary table semap_footprint on commit drop as
+    select r.region_id, r.footprint, r.z_min_m, r.z_max_m from semap.region r
+    where r.map_id = p_map_id and not r.careful;
+  create index on pg_temp.semap_footprint using gist (footprint);
+  analyze pg_temp.semap_footprint;
+  return query
+    select p.track_id, r.region_id
+    from semap.present_places(p_map_id) p
+    join pg_temp.semap_footprint r on st_contains(r.footprint, st_point(p.x_m, p.y_m))
+    where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m);
+end $$;
+comment on function semap.plain_relations is
+  'Which plain regions hold each live track of a map, by its place and their footprints alone.';
+
+-- Relations with plain regions against where the tracks are; and relations with nothing.
+create or replace function semap.plain_differences(p_map_id integer)
+returns table (track_id bigint, region_id integer, thing text, stored text, wanted text)
+language sql as $$
+  with wanted as materialized (
+    select * from semap.plain_relations(p_map_id)
+  ), stored as materialized (
+    select n.track_id, n.region_id, n.query_id, n.instance_id, n.since
+    from semap.relation n left join semap.region r using (region_id)
+    where n.map_id = p_map_id and r.careful is not true
+  )
+  select coalesce(s.track_id, w.track_id), coalesce(s.region_id, w.region_id),
+         format('track %s, %s (%s)', k.name, coalesce(r.instance_name, 'a region that is gone'), r.query_name),
+         case when s.track_id is null then 'no relation' else 'a relation since ' || s.since end,
+         case when w.track_id is null then 'no relation' else 'a relation' end
+  from stored s
+  full join wanted w on w.track_id = s.track_id and w.region_id = s.region_id
+  left join semap.region r on r.region_id = coalesce(s.region_id, w.region_id)
+  left join semap.track k on k.track_id = coalesce(s.track_id, w.track_id)
+  where s.track_id is null or w.track_id is null or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
+$$;
+comment on function semap.plain_differences is
+  'Relations with plain regions against where the tracks are; and relations with nothing.';

@@ -1,0 +1,245 @@
+"""`semap doctor --verify`: whatever is broken by hand is named, and mended by a repair."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import timedelta
+
+import pytest
+import shapely
+from semap_service.operations.doctor.verification import verify
+from server import fresh_database
+from world import SECOND_US, World
+
+from semap.cluster import Cluster
+from semap.store.database import connect
+from semap.store.schema import ensure_slot
+
+ROOMS = {f"r{n}": shapely.box(4 * n, 0, 4 * n + 4, 4) for n in range(4)}
+QUERIES = {
+    "margins": {"enter_margin_m": 0.3, "leave_margin_m": 0.3},
+    "confirmed": {"enter_confirm": timedelta(seconds=1), "leave_confirm": timedelta(seconds=2)},
+    "ways": {"longest_gap": timedelta(seconds=5), "fastest_mps": 10, "leave_confirm": timedelta(seconds=1)},
+    "near": {"predicate": "within_distance", "distance_m": 0.5, "enter_margin_m": 0.2},
+    "likely": {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 2},
+    "about": {"subject_where": json.dumps({"op": "like", "args": [{"property": "name"}, "t1%"]})},
+}
+
+
+def add_query(world: World, name: str, **values: object) -> None:
+    columns = "".join(f", {column}" for column in values)
+    world.run(
+        f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
+        f" select %s, %s, concept_id{', %s' * len(values)} from semap.concept where name = 'Room'",
+        world.map_id, name, *values.values(),
+    )  # fmt: skip
+
+
+def walk(world: World, tracks: dict[str, int], steps: range, dice: random.Random, places: dict[str, list[float]]) -> None:
+    for step in steps:
+        rows = []
+        for name, track in tracks.items():
+            place = places.setdefault(name, [dice.uniform(0, 16), dice.uniform(0, 4)])
+            for axis, most in enumerate((17, 5)):
+                place[axis] = min(max(place[axis] + dice.gauss(0, 0.4), -1), most)
+            rows.append((track, step * SECOND_US // 2, *place, None))
+        world.add_states(rows)
+
+
+def differing(dsn: str, repair: bool = False) -> dict[str, list[tuple[str, str, str]]]:
+    """By comparison: what differs; after a repair, where that is asked for."""
+    verification = verify(dsn, lambda said: None)
+    with verification.connection:
+        found = list(verification.look(None))
+        if repair:
+            list(verification.repair())
+            found = list(verification.look(None))
+    assert all(each.rows > 0 for each in found), [each for each in found if each.rows == 0]
+    return {each.name: each.examples for each in found if each.differ}
+
+
+@pytest.fixture(scope="module")
+def walked(cluster: Cluster, template: str) -> Iterator[str]:
+    """The name of a database with queries of all kinds and tracks that have walked past rooms that were edited."""
+    with fresh_database(cluster, template) as dsn:
+        with connect(dsn) as connection:
+            ensure_slot(connection)
+        world, dice = World(dsn), random.Random(7)
+        for name, room in ROOMS.items():
+            world.add_room(name, room)
+        for name, values in QUERIES.items():
+            add_query(world, name, **values)
+        tracks, places = {f"t{n}": world.add_track(f"t{n}") for n in range(20)}, {}
+        walk(world, tracks, range(1, 30), dice, places)
+        world.edit_room("r0", shapely.box(0, 0, 3.5, 4))
+        world.run("update semap.continuous_query set enter_margin_m = 0.25 where name = 'margins'")
+        world.end_track(tracks.pop("t9"), 40 * SECOND_US // 2)
+        walk(world, tracks, range(41, 60), dice, places)
+        world.run("select pg_drop_replication_slot(semap.rule_slot())")
+        world.close()
+        yield dsn.split("dbname=")[1].split()[0] if "dbname=" in dsn else dsn.rpartition("/")[2].partition("?")[0]
+
+
+@pytest.fixture
+def broken(cluster: Cluster, walked: str) -> Iterator[World]:
+    with fresh_database(cluster, walked) as dsn:
+        world = World.__new__(World)
+        world.dsn, world.name, world.connection = dsn, "world", connect(dsn)
+        world.map_id = world.one("select map_id from semap.map")
+        yield world
+        world.close()
+
+
+OF = " from semap.region r where n.region_id = r.region_id and r.query_name = '{}'"
+ONE_RELATION = "ctid = (select n.ctid from semap.relation n join semap.region r using (region_id) where r.query_name = '{}' limit 1)"
+PLAIN, CAREFUL = ONE_RELATION.format("track_in_room"), ONE_RELATION.format("near")
+
+BROKEN = {
+    "a relation is gone": (f"delete from semap.relation where {PLAIN}", {"plain relations", "held", "log"}),
+    "a careful relation is gone": (f"delete from semap.relation where {CAREFUL}", {"careful relations", "held", "log"}),
+    "a relation too many": (
+        "insert into semap.relation select t.track_id, r.region_id, r.query_id, r.instance_id, r.map_id, now()"
+        " from semap.region r join semap.track_now t on t.live and st_distance(r.footprint, st_point(t.x_m, t.y_m)) > 3"
+        " where r.query_name = 'track_in_room' limit 1", {"plain relations", "held", "log"}),
+    "a relation of nothing": (
+        "insert into semap.relation select track_id, -1, -1, -1, map_id, now() from semap.track_now limit 1",
+        {"plain relations", "log"}),
+    "a wrong since": (f"update semap.relation set since = since - interval '1 s' where {PLAIN}", {"log"}),
+    "wrong regions of a present": (
+        "update semap.track_now set region_ids = region_ids || -1 where track_id = (select min(track_id) from semap.track_now)",
+        {"held"}),
+    "a wrong place": (
+        "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from semap.relation)",
+        {"presents", "plain relations", "careful relations"}),
+    "an old place": (
+        "update semap.track_now t set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m from semap.track_state s"
+        " where s.track_id = t.track_id and s.stamp = '1970-01-01 00:00:21Z'"
+        " and t.track_id = (select min(track_id) from semap.relation)", {"presents"}),
+    "a track that should live": (
+        "update semap.track_now set live = false where track_id = (select min(track_id) from semap.relation)",
+        {"presents", "plain relations", "careful relations"}),
+    "a cell too few": (
+        "delete from semap.region_cell where ctid = (select min(ctid) from semap.region_cell)", {"grid"}),
+    "an edge of another place": (
+        "update semap.region_edge set x_min_m = x_min_m - 1 where ctid = (select min(ctid) from semap.region_edge)", {"grid"}),
+    "a region too few": (
+        "delete from semap.region where region_id = (select min(region_id) from semap.relation)",
+        {"regions", "plain relations", "held"}),
+    "a region of another shape": (
+        "update semap.region set footprint = st_translate(footprint, 1, 0) where query_name = 'track_in_room'",
+        {"regions", "grid", "plain relations"}),
+    "a track that is not chosen": (
+        "delete from semap.query_track where track_id = (select min(track_id) from semap.query_track)", {"subjects"}),
+    "a verge that says otherwise": (
+        "update semap.verge set side = not side where ctid = (select min(ctid) from semap.verge)", {"careful relations"}),
+    "no verge": ("delete from semap.verge", {"careful relations"}),
+    "a change too few": (
+        "delete from semap.relation_change where change_id ="
+        " (select max(change_id) from semap.relation_change where kind = 'ended' and cause = 'moved')", {"log", "past"}),
+    "a change twice": (
+        "insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,"
+        " instance_name, kind, cause, stamp, edge_at, since) select gen_random_uuid(), map_id, query_id, query_name,"
+        " track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since"
+        " from semap.relation_change order by change_id desc limit 1", {"log"}),
+    "a stay too few": (
+        "delete from semap.relation_past where relation_past_id = (select max(relation_past_id) from semap.relation_past)",
+        {"past"}),
+}  # fmt: skip
+
+
+def test_what_was_walked_is_right(broken: World) -> None:
+    assert broken.one("select count(*) from semap.verge") > 3
+    assert broken.one("select count(*) from semap.relation_change where cause = 'map'") > 3
+    assert differing(broken.dsn) == {}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_is_broken_is_named_and_mended(broken: World, name: str) -> None:
+    statement, named = BROKEN[name]
+    broken.run("set session_replication_role = replica")
+    if name == "a region too few":
+        broken.run("set session_replication_role = origin")
+    assert broken.connection.execute(statement).rowcount > 0
+    broken.run("set session_replication_role = origin")
+    found = differing(broken.dsn)
+    assert named <= set(found), found
+    assert differing(broken.dsn, repair=True) == {}
+    broken.run("update semap.source set jump_m = null")
+    tracks = dict(broken.rows("select name, track_id from semap.track where ended_at is null"))
+    walk(broken, tracks, range(61, 70), random.Random(3), {})
+    assert differing(broken.dsn) == {}
+
+
+def test_a_repair_tells_what_changed(broken: World) -> None:
+    """A relation that is gone from the table and stands in the log has not ended for anybody."""
+    before = broken.one("select max(change_id) from semap.relation_change")
+    broken.run(f"delete from semap.relation where {PLAIN}")
+    differing(broken.dsn, repair=True)
+    assert broken.one("select count(*) from semap.relation_change where change_id > %s", before) == 0
+    broken.run("set session_replication_role = replica")
+    broken.run("update semap.abstraction set geometry = st_translate(geometry, 100, 0)")
+    broken.run("set session_replication_role = origin")
+    held = broken.one("select count(*) from semap.relation")
+    differing(broken.dsn, repair=True)
+    assert broken.rows("select kind::text, cause::text, count(*) from semap.relation_change where change_id > %s group by 1, 2",
+                       before) == [("ended", "map", held)]  # fmt: skip
+
+
+def test_a_change_that_was_taken_back_does_not_count(broken: World) -> None:
+    broken.run(
+        "with taken as (delete from semap.relation_past where relation_past_id ="
+        " (select max(relation_past_id) from semap.relation_past) returning *)"
+        " insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,"
+        " instance_name, kind, cause, stamp, edge_at, since, amendment, retracts) select gen_random_uuid(), c.map_id,"
+        " c.query_id, c.query_name, c.track_id, c.track_name, c.instance_id, c.instance_name, c.kind, c.cause, c.stamp,"
+        " c.edge_at, c.since, 'retracted', c.uid from semap.relation_change c join taken t on t.query_id = c.query_id"
+        " and t.track_id = c.track_id and t.instance_id = c.instance_id and t.until = c.edge_at and c.kind = 'ended'"
+    )
+    found = differing(broken.dsn)
+    assert set(found) == {"log"}, "what ended is held again, by the log"
+
+
+def test_places_that_are_written_late_are_no_difference(world: World) -> None:
+    for name, room in ROOMS.items():
+        world.add_room(name, room)
+    add_query(world, "margins", **QUERIES["margins"])
+    add_query(world, "about", **QUERIES["about"])
+    dice, places = random.Random(1), {}
+    tracks = {f"t{n}": world.add_track(f"t{n}") for n in range(210)}
+    late = 0
+    for frame in range(1, 12):
+        rows = []
+        for name, track in tracks.items():
+            place = places.setdefault(name, [dice.uniform(0, 16), dice.uniform(0, 4)])
+            place[0] += dice.gauss(0, 0.05)
+            rows.append((track, frame * SECOND_US // 10, *place, None))
+        world.add_states(rows)
+        late += world.one("select count(*) from semap.source_count where frame_stamp > placed_stamp")
+        assert {name for name in differing(world.dsn)} == set()
+    assert late > 5
+
+
+def doctor(dsn: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    known = {name: value for name, value in os.environ.items() if not name.startswith("SEMAP")}
+    return subprocess.run([sys.executable, "-m", "semap_service", "doctor", "--verify", *arguments],
+                          env=known | {"SEMAP_DSN": dsn}, text=True, capture_output=True, timeout=120, check=False)  # fmt: skip
+
+
+def test_for_people_and_programs(broken: World) -> None:
+    broken.run("delete from semap.relation where ctid = (select n.ctid from semap.relation n join semap.region r using"
+               " (region_id) join semap.track t using (track_id) where r.query_name = 'track_in_room' order by t.name limit 1)")  # fmt: skip
+    said = doctor(broken.dsn)
+    assert said.returncode == 1, said.stderr
+    assert "wrong  world  relations against footprints and heights: " in said.stdout
+    assert " looked at, 1 differ\n" in said.stdout
+    assert "(track_in_room): stored is no relation; it should be a relation" in said.stdout
+    assert said.stdout.splitlines()[-1] == "-> Make what differs anew: semap doctor --verify --repair"
+    mended = json.loads(doctor(broken.dsn, "--repair", "--json", "--map", "world").stdout)
+    assert mended["ok"] is True
+    assert mended["repaired"] == [{"map_name": "world", "crossings": 0}]
+    assert doctor(broken.dsn, "--map", "nowhere").returncode not in (0, 1)
