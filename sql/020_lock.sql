@@ -1,7 +1,25 @@
--- Lock order of everything that maintains relations: first the regions (shared by writers of track
--- states, exclusive for an edit of the map), then the source of the states, then rows.
--- Each statement of a trigger sees what was committed before its lock was granted, which holds
--- only at READ COMMITTED.
+-- Locks, in the order in which a transaction takes them, so that nobody waits in a circle:
+--
+--   1. regions (7363, 0): shared by whoever writes states, lines, sources, tracks; held alone by an edit of the map, by
+--      whoever deletes, ends or renames tracks by hand, and by a repair
+--   2. sources (7364, source), each by one writer at a time; of several, in the order of their ids
+--   3. doors (7367, map), where lines or an edit move them
+--   4. amendments of tracks (7368, 0)
+--   5. rows: first those of the trigger's own tables by track, then source, source_count and recording
+--
+-- Whoever takes a later one first and regions after it has to take regions at the beginning of the transaction.
+-- Once held, regions are never waited for again, whoever is queued. The others stand by themselves and are never taken
+-- while one of these is held, or by a connection that waits for none of these meanwhile:
+--
+--   7365, 0          partitions, made in a transaction of its own before states are written
+--   7366             migrations and the rule worker's slot
+--   7368, source     a recording that is being brought in, as long as its connection lasts; only tried, never waited for
+--   7369, job        a job, as long as it runs
+--   7370, 0          maintenance, only tried
+--   7371, 0          who delivers webhooks, only tried
+--   7372             the number of webhooks
+--
+-- A trigger's statements see what was committed before its lock was granted, which holds only at READ COMMITTED.
 
 -- Refuse a transaction whose statements do not see what was committed before their locks.
 create or replace function semap.require_read_committed() returns void
@@ -70,5 +88,24 @@ create or replace trigger lock_regions before delete on semap.source
 create or replace trigger lock_regions before delete on semap.track
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions_to_end before update of ended_at on semap.track
+  for each statement when (pg_trigger_depth() = 0 and current_setting('semap.source_is_held', true) is distinct from 'on')
+  execute function semap.lock_regions();
+
+-- Taken before the rows of a new source or track: their keys hold rows of map and source, for which an edit may wait,
+-- and a query that is added meanwhile has to see them, or they it.
+create or replace function semap.keep_regions() returns trigger
+language plpgsql as $$
+begin
+  perform semap.hold_regions();
+  return null;
+end $$;
+comment on function semap.keep_regions is
+  'Taken before the rows of a new source or track.';
+
+create or replace trigger keep_regions before insert on semap.source
+  for each statement execute function semap.keep_regions();
+create or replace trigger keep_regions before insert on semap.track
+  for each statement execute function semap.keep_regions();
+create or replace trigger lock_regions_to_describe before update of source_id, map_id, name, concept_id, attributes, uid on semap.track
   for each statement when (pg_trigger_depth() = 0 and current_setting('semap.source_is_held', true) is distinct from 'on')
   execute function semap.lock_regions();

@@ -38,7 +38,7 @@ to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
-grant execute on function semap.ensure_partitions to semap_ingest;
+grant execute on function semap.ensure_partitions, semap.hand_over_tracks to semap_ingest;
 
 grant execute on function semap.commit_progress, semap.add_events, semap.commit_recompute to semap_worker;
 grant execute on function

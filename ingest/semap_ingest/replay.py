@@ -29,6 +29,12 @@ from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
 COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+FIND_TRACKS = """
+    select k.name, k.track_id, case when k.source_id <> %s then n.name end
+    from semap.track k join semap.source n using (source_id)
+    where k.source_id = %s and k.name = any (%s) or k.uid = any (%s)
+"""
+"""Tracks of a source by name, and those that it handed over to another one, with that one's name."""
 FIRST_RETRY_S = 0.05
 LAST_RETRY_S = 2.0
 
@@ -87,7 +93,7 @@ def replay(
 
     raises NotFound, where there is no such map; InvalidInput, where there is no such concept or the
     attributes do not follow its schema; Conflict, where other states of these tracks are stored at the same
-    stamps
+    stamps, or a track goes on at another source
     """
     concept_id = _concept_id(dsn, plan)
     stop = stop or Signal()
@@ -164,22 +170,22 @@ def _register(
             "select recording_id, states_done from semap.recording where source_id = %s and fingerprint = %s",
             [source_id, plan.fingerprint],
         )
+        uids = [track_uid(map_uid, plan.source, name) for name in tracks.names]
         connection.execute(
             "insert into semap.track (uid, source_id, map_id, name)"
             " select uid, %s, %s, name from unnest(%s::uuid[], %s::text[]) as track (uid, name)"
-            " on conflict (source_id, name) do nothing",
-            [
-                source_id,
-                map_id,
-                [track_uid(map_uid, plan.source, name) for name in tracks.names],
-                list(tracks.names),
-            ],
+            " on conflict do nothing",
+            [source_id, map_id, uids, list(tracks.names)],
         )
-        rows = connection.execute(
-            "select name, track_id from semap.track where source_id = %s and name = any (%s)",
-            [source_id, list(tracks.names)],
-        ).fetchall()
-        ids: dict[str, int] = dict(rows)
+        rows = connection.execute(FIND_TRACKS, [source_id, source_id, list(tracks.names), uids]).fetchall()
+        ids: dict[str, int] = {name: track_id for name, track_id, _ in rows}
+    elsewhere = {name: other for name, _, other in rows if other is not None}
+    for name in (tracks.names[number] for number in np.unique(tracks.track[done:]) if elsewhere):
+        if name in elsewhere:
+            raise Conflict(
+                f"The track {name} of the source {plan.source} was handed over to {elsewhere[name]}.",
+                f"Bring in what else is known of it as the source {elsewhere[name]}.",
+            )
     # by itself, since it keeps all others out before it locks a row
     with translated(), connection.transaction():
         _describe(connection, plan, source_id, tracks, concept_id)

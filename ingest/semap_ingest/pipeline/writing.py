@@ -58,6 +58,8 @@ MOVE_WATERMARKS = """
     from unnest(%s::integer[], %s::timestamptz[]) m (source_id, stamp)
     where s.source_id = m.source_id and (s.watermark is null or s.watermark < m.stamp)
 """
+HOLD_REGIONS = "select semap.hold_regions()"
+"""Before any row: whoever deletes the map or the source holds the regions when it comes to the rows of a recording."""
 COUNT_RESULTS = """
     update semap.recording set states_done = %s, finished_at = case when %s then clock_timestamp() end
     where recording_id = %s
@@ -96,6 +98,7 @@ class Writer:
         try:
             self._learn_tracks(states)
             with _at_one_go(self._connection) as cursor:
+                cursor.execute(HOLD_REGIONS)
                 counted = self._connection.execute(
                     COUNT_RESULTS, [done, is_over, self._registered.recording_id]
                 )

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from semap_service.operations.doctor.verification import Verification, Verified
 
 Verify = Annotated[
-    bool, typer.Option("--verify", help="Compute all relations from nothing and compare them with what is stored.")
+    bool,
+    typer.Option("--verify", help="Compute all relations from nothing and compare them with what is stored."),
 ]
 OneMap = Annotated[
     str | None, typer.Option("--map", metavar="MAP", show_default=False, help="With --verify: only this map.")
@@ -40,7 +41,7 @@ def doctor(
     With --verify, it looks at relations instead: whether they are those that maps, queries and states give.
     Writers go on meanwhile. With --repair as well, what differs is made anew; rules and clients are told.
     """
-    if repair and not verify or map_name is not None and not verify:
+    if (repair and not verify) or (map_name is not None and not verify):
         raise typer.BadParameter("--map and --repair go with --verify.")
     if verify:
         _verify(dsn, map_name, repair, as_json)
@@ -86,7 +87,9 @@ def _verify(dsn: str | None, map_name: str | None, repair: bool, as_json: bool) 
                 said["repaired"] = [asdict(each) for each in repaired]
                 for each in repaired:
                     if not as_json:
-                        typer.echo(f"repaired  {each.map_name}: {each.crossings} relations began or ended by it")
+                        typer.echo(
+                            f"repaired  {each.map_name}: {each.crossings} relations began or ended by it"
+                        )
                 found = _look(verification, map_name, as_json)
                 said["verified_again"] = [asdict(each) for each in found]
     is_wrong = any(each.differ for each in found)
@@ -106,7 +109,9 @@ def _look(verification: Verification, map_name: str | None, as_json: bool) -> li
             continue
         level = "wrong" if each.differ else "ok"
         note = f" ({each.note})" if each.note else ""
-        typer.echo(f"{level:<5}  {each.map_name}  {each.what}: {each.rows} looked at, {each.differ} differ{note}")
+        typer.echo(
+            f"{level:<5}  {each.map_name}  {each.what}: {each.rows} looked at, {each.differ} differ{note}"
+        )
         for thing, stored, wanted in each.examples:
             typer.echo(f"{'':<7}{thing}: stored is {stored}; it should be {wanted}")
     return found

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 import psycopg
 import shapely
-from psycopg.rows import namedtuple_row
+from psycopg.rows import dict_row
 
 from semap.timeline.stamp import to_us
 from semap_service.operations.doctor.careful_replay import (
@@ -24,6 +25,7 @@ MOST_STATES = 10_000
 REACH = timedelta(hours=1)
 """So far back, and so many of each track, states are read."""
 
+SHAPES = ("footprint", "shape", "core", "reach")
 REGIONS = """
     select r.*, st_asbinary(r.footprint) as footprint_wkb, st_asbinary(coalesce(r.shape, r.footprint)) as shape_wkb,
            st_asbinary(r.core) as core_wkb, st_asbinary(r.reach) as reach_wkb
@@ -112,12 +114,19 @@ def check_careful(
     for track_id, region_id in stored:
         result.wrong.append((track_id, region_id))
         if len(result.examples) < most_examples:
-            result.examples.append((f"track {track_id}, region {region_id}", "a relation", "the track does not live"))
+            result.examples.append(
+                (f"track {track_id}, region {region_id}", "a relation", "the track does not live")
+            )
     return result
 
 
 def _compare(
-    result: CarefulResult, track: _Track, region: CarefulRegion, way: Way, row: tuple | None, most: int
+    result: CarefulResult,
+    track: _Track,
+    region: CarefulRegion,
+    way: Way,
+    row: tuple[Any, ...] | None,
+    most: int,
 ) -> None:
     related, memory = False, Memory(False, False, None, False, None)
     if row is not None:
@@ -156,33 +165,29 @@ def _span_us(span: timedelta | None) -> int | None:
 
 
 def _regions(connection: psycopg.Connection, map_id: int) -> list[CarefulRegion]:
-    def shape(wkb: bytes | None) -> shapely.Geometry | None:
-        return None if wkb is None else shapely.from_wkb(wkb)
-
     found = []
-    with connection.cursor(row_factory=namedtuple_row) as cursor:
+    with connection.cursor(row_factory=dict_row) as cursor:
         for row in cursor.execute(REGIONS, [map_id]):
-            shapes = [shape(wkb) for wkb in (row.footprint_wkb, row.shape_wkb, row.core_wkb, row.reach_wkb)]
-            shapely.prepare([each for each in shapes if each is not None])
-            footprint, compared, core, reach = shapes
+            shapes = shapely.from_wkb([row[f"{name}_wkb"] for name in SHAPES])  # None where there is none
+            shapely.prepare(shapes)
             found.append(
                 CarefulRegion(
-                    row.region_id, row.query_id, f"{row.instance_name} ({row.query_name})", row.predicate,
-                    footprint, compared, row.distance_m, core, reach, row.z_min_m, row.z_max_m,
-                    _span_us(row.enter_confirm) or 0, _span_us(row.leave_confirm) or 0,
-                    row.enter_stds, row.leave_stds, row.widest_std_m, _span_us(row.longest_gap), row.fastest_mps,
-                    row.subject is not None,
+                    row["region_id"], row["query_id"], f"{row['instance_name']} ({row['query_name']})", row["predicate"],
+                    shapes[0], shapes[1], row["distance_m"], shapes[2], shapes[3], row["z_min_m"], row["z_max_m"],
+                    _span_us(row["enter_confirm"]) or 0, _span_us(row["leave_confirm"]) or 0,
+                    row["enter_stds"], row["leave_stds"], row["widest_std_m"], _span_us(row["longest_gap"]), row["fastest_mps"],
+                    row["subject"] is not None,
                 )
             )  # fmt: skip
     return found
 
 
 def _tracks(connection: psycopg.Connection, map_id: int) -> list[_Track]:
-    with connection.cursor(row_factory=namedtuple_row) as cursor:
+    with connection.cursor(row_factory=dict_row) as cursor:
         return [
             _Track(
-                row.track_id, row.name, row.stamp, (row.x_m, row.y_m, _number(row.z_m), _number(row.std_m)),
-                _us(row.first_stamp), row.jump_m, row.jump_mps, row.late_states > 0, frozenset(row.query_ids),
+                row["track_id"], row["name"], row["stamp"], (row["x_m"], row["y_m"], _number(row["z_m"]), _number(row["std_m"])),
+                _us(row["first_stamp"]), row["jump_m"], row["jump_mps"], row["late_states"] > 0, frozenset(row["query_ids"]),
             )
             for row in cursor.execute(TRACKS, [map_id])
         ]  # fmt: skip
@@ -201,7 +206,9 @@ def _bounds(region: CarefulRegion) -> tuple[float, float, float, float]:
 def _ways(connection: psycopg.Connection, tracks: list[_Track]) -> Iterator[tuple[_Track, Way]]:
     """Each track with as much of its way as is certain: at least where it is."""
     newest = max(track.stamp for track in tracks)
-    recent = {track.track_id: track for track in tracks if track.stamp > newest - REACH and not track.has_late}
+    recent = {
+        track.track_id: track for track in tracks if track.stamp > newest - REACH and not track.has_late
+    }
     since = min((track.stamp for track in recent.values()), default=newest) - REACH
     parameters = {
         "ids": list(recent),
@@ -213,7 +220,8 @@ def _ways(connection: psycopg.Connection, tracks: list[_Track]) -> Iterator[tupl
     with connection.cursor("semap_doctor_states") as cursor:
         cursor.itersize = 20_000
         cursor.execute(STATES, parameters)
-        track_id, rows = None, []
+        track_id: int | None = None
+        rows: list[tuple[Any, ...]] = []
         for row in cursor:
             if row[0] != track_id and track_id is not None:
                 followed.add(track_id)
@@ -229,7 +237,7 @@ def _ways(connection: psycopg.Connection, tracks: list[_Track]) -> Iterator[tupl
             yield track, _present(track)
 
 
-def _way(track: _Track, rows: list[tuple]) -> Way:
+def _way(track: _Track, rows: list[tuple[Any, ...]]) -> Way:
     """What came in order and passed the gate for outliers without doubt."""
     columns = list(zip(*rows, strict=True))
     stamp_us = np.array(columns[0], dtype=np.int64)

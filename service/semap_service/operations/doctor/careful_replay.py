@@ -103,12 +103,14 @@ def possible_memories(region: CarefulRegion, way: Way) -> set[Memory]:
     between = _between(region, way)
     for n, stamp_us in enumerate(way.stamp_us.tolist()):
         side = bool(stand.side[n])
-        if n == 0 and way.is_whole or n > 0 and way.is_last[n - 1]:
+        if (n == 0 and way.is_whole) or (n > 0 and way.is_last[n - 1]):
             memories = set()
         found: set[Memory] = set()
         for memory in memories:
             for step in _step(region, memory, between.get(n, []), stamp_us):
-                found |= set(_tread(region, step, stamp_us, side, bool(stand.enters[n]), bool(stand.leaves[n])))
+                found |= set(
+                    _tread(region, step, stamp_us, side, bool(stand.enters[n]), bool(stand.leaves[n]))
+                )
         memories = found | {Memory(side, side, None, side, None)}
     return memories
 
@@ -155,7 +157,7 @@ def _settled(region: CarefulRegion, memory: Memory, at_us: int) -> Iterator[Memo
     is_unknown = memory.inside_us == UNKNOWN
     if is_unknown or at_us >= (memory.inside_us or 0) + confirm_us:
         yield memory._replace(held=memory.inside)
-    if is_unknown and confirm_us > 0 or not is_unknown and at_us < (memory.inside_us or 0) + confirm_us:
+    if (is_unknown and confirm_us > 0) or (not is_unknown and at_us < (memory.inside_us or 0) + confirm_us):
         yield memory
 
 
@@ -230,8 +232,15 @@ def _between(region: CarefulRegion, way: Way) -> dict[int, list[tuple[int, bool,
             np.full(len(middles), way.std_m[n]),
         )
         found[n] = [
-            (int(way.stamp_us[n - 1]) + round(start * int(gap_us[n - 1])), bool(side), bool(enters), bool(leaves))
-            for start, side, enters, leaves in zip(starts, stand.side, stand.enters, stand.leaves, strict=True)
+            (
+                int(way.stamp_us[n - 1]) + round(start * int(gap_us[n - 1])),
+                bool(side),
+                bool(enters),
+                bool(leaves),
+            )
+            for start, side, enters, leaves in zip(
+                starts, stand.side, stand.enters, stand.leaves, strict=True
+            )
         ]
     return found
 

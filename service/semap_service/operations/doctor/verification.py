@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import psycopg
-from psycopg import IsolationLevel
+from psycopg import IsolationLevel, sql
 
 from semap.errors import NotFound
 from semap.store.database import connect, translated
@@ -18,6 +18,7 @@ from semap_service.operations.doctor.careful_check import Progress, check_carefu
 
 EXAMPLES = 5
 CAREFUL = "careful relations"
+DIFFERENCES = sql.SQL("select count(*) over (), thing, stored, wanted from {}(%s) limit %s")
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,9 @@ class Verification:
         return verified
 
     def _careful(self, map_id: int, name: str) -> Verified:
-        found = check_careful(self.connection, map_id, lambda said: self.progress(f"{name}: {said}"), EXAMPLES)
+        found = check_careful(
+            self.connection, map_id, lambda said: self.progress(f"{name}: {said}"), EXAMPLES
+        )
         self.wrong[name] = found.wrong
         note = f"{found.partly} followed only in part" if found.partly else ""
         return Verified(
@@ -150,8 +153,7 @@ def _maps(connection: psycopg.Connection, map_name: str | None) -> list[tuple[in
 
 def _compare(connection: psycopg.Connection, map_id: int, name: str, comparison: Comparison) -> Verified:
     found = connection.execute(
-        f"select count(*) over (), thing, stored, wanted from semap.{comparison.function}(%s) limit %s",
-        [map_id, EXAMPLES],
+        DIFFERENCES.format(sql.Identifier("semap", comparison.function)), [map_id, EXAMPLES]
     ).fetchall()
     row = connection.execute(comparison.rows, [map_id]).fetchone()
     return Verified(
