@@ -3,9 +3,10 @@
 --   1. regions (7363, 0): shared by whoever writes states, lines, sources, tracks; held alone by an edit of the map, by
 --      whoever deletes, ends or renames tracks by hand, and by a repair
 --   2. sources (7364, source), each by one writer at a time; of several, in the order of their ids
---   3. doors (7367, map), where lines or an edit move them
---   4. amendments of tracks (7368, 0)
---   5. rows: first those of the trigger's own tables by track, then source, source_count and recording
+--   3. pairs (7373, map), where a map has queries about pairs; of several, in the order of their ids
+--   4. doors (7367, map), where lines or an edit move them
+--   5. amendments of tracks (7368, 0)
+--   6. rows: first those of the trigger's own tables by track, then source, source_count and recording
 --
 -- Whoever takes a later one first and regions after it has to take regions at the beginning of the transaction.
 -- Once held, regions are never waited for again, whoever is queued. The others stand by themselves and are never taken

@@ -9,7 +9,7 @@
 
 -- Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.
 create or replace function semap.hold_pairs(p_map_id integer) returns void
-language sql as $$ select pg_advisory_xact_lock(7371, p_map_id) $$;
+language sql as $$ select pg_advisory_xact_lock(7373, p_map_id) $$;
 comment on function semap.hold_pairs is
   'Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.';
 

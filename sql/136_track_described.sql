@@ -1,5 +1,5 @@
--- A track is named, or said to be of another concept or to have other attributes: the queries that ask for such are about
--- it from then on, or no longer.
+-- A track is named, said to be of another concept or to have other attributes, or goes on at another source: the queries
+-- that ask for such are about it from then on, or no longer.
 
 -- Bring what regions keep of these tracks in line with which queries are about them now. What a query is no longer about
 -- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map.
@@ -61,16 +61,17 @@ end $$;
 comment on function semap.rechoose_tracks is
   'Bring what regions keep of these tracks in line with which queries are about them now.';
 
--- A track got another name or concept, or other attributes: the relations of queries that ask for them follow.
+-- A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.
 create or replace function semap.track_described() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.rechoose_tracks(array_agg(n.track_id)) from new_track n join old_track o using (track_id)
-  where (n.name, n.concept_id, n.attributes) is distinct from (o.name, o.concept_id, o.attributes);
+  where (n.source_id, n.uid, n.name, n.concept_id, n.attributes)
+    is distinct from (o.source_id, o.uid, o.name, o.concept_id, o.attributes);
   return null;
 end $$;
 comment on function semap.track_described is
-  'A track got another name or concept, or other attributes: the relations of queries that ask for them follow.';
+  'A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.';
 
 -- before any row is locked, as for a track that ends (sql/020)
 create or replace trigger lock_regions_to_describe before update of name, concept_id, attributes on semap.track

@@ -2,52 +2,9 @@
 -- known to be the same. From then on the other source alone writes its states. Its relations hold meanwhile, since
 -- nothing is known to have ended.
 
--- Bring the relations of a track in line with queries that began or ceased to be about it: they begin or end now, at its
--- last stamp.
-create or replace function semap.choose_anew(p_track_id bigint) returns void
-language plpgsql as $$
-declare
-  v_before     integer[] := array(select query_id from semap.query_track where track_id = p_track_id);
-  v_differing  integer[];
-  v_crossings  semap.crossing[];
-begin
-  perform semap.choose_tracks(null, array[p_track_id]);
-  v_differing := array(
-    select query_id
-    from unnest(v_before) query_id full join (select query_id from semap.query_track where track_id = p_track_id) n using (query_id)
-    where n.query_id is null or query_id <> all (v_before));
-  if v_differing = '{}' then
-    return;
-  end if;
-  perform semap.settle_places(array(select source_id from semap.track where track_id = p_track_id));
-  with held as (
-    select region_id from semap.relation where track_id = p_track_id and query_id = any (v_differing)
-  ), inside as (
-    select r.region_id
-    from semap.track_now t
-    join semap.region r on r.map_id = t.map_id and r.query_id = any (v_differing)
-    join semap.query_track s on s.query_id = r.query_id and s.track_id = t.track_id
-    where t.track_id = p_track_id and t.live and (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
-  )
-  select array_agg(row(t.track_id, region_id, case when h.region_id is null then 'began' else 'ended' end, 'map',
-                       t.stamp, t.stamp, null, null)::semap.crossing) into v_crossings
-  from held h full join inside i using (region_id) cross join semap.track_now t
-  where t.track_id = p_track_id and (h.region_id is null or i.region_id is null);
-  perform semap.record_crossings(v_crossings);
-  delete from semap.verge v using semap.region r
-  where v.track_id = p_track_id and r.region_id = v.region_id and r.query_id = any (v_differing);
-  update semap.track_now
-  set calm_x_min_m = 'infinity',
-      careful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
-                          where n.track_id = p_track_id and r.careful order by n.region_id)
-  where track_id = p_track_id;
-end $$;
-comment on function semap.choose_anew is
-  'Bring the relations of a track in line with queries that began or ceased to be about it.';
-
--- A track that goes on at another source, or is described in another way. Both sources write their places at once, and
--- know anew what a whole frame of theirs is.
-create or replace function semap.track_described() returns trigger
+-- A track that goes on at another source. Both sources write their places at once, and know anew what a whole frame of
+-- theirs is. Which queries are about it now is said after this (semap.track_described).
+create or replace function semap.track_handed_over() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   if new.map_id <> old.map_id
@@ -61,16 +18,14 @@ begin
     where source_id in (old.source_id, new.source_id);
     update semap.track_now set source_id = new.source_id where track_id = new.track_id;
   end if;
-  perform semap.choose_anew(new.track_id);
   return null;
 end $$;
-comment on function semap.track_described is
-  'A track goes on at another source, or is described in another way: its relations follow.';
+comment on function semap.track_handed_over is
+  'A track goes on at another source: both know anew what their tracks are.';
 
-create or replace trigger track_described after update on semap.track
-  for each row when ((new.source_id, new.map_id, new.name, new.concept_id, new.attributes, new.uid)
-                     is distinct from (old.source_id, old.map_id, old.name, old.concept_id, old.attributes, old.uid))
-  execute function semap.track_described();
+create or replace trigger track_handed_over after update on semap.track
+  for each row when ((new.source_id, new.map_id) is distinct from (old.source_id, old.map_id))
+  execute function semap.track_handed_over();
 
 -- Hand tracks to another source of their map, in a transaction of its own: whoever holds a source already might wait for
 -- one who hands tracks the other way. Writers of sources that are not concerned go on meanwhile.

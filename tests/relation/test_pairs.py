@@ -54,7 +54,12 @@ def questions(draw: st.DrawFn) -> Question:
         kinds = "track", "instance"
     elif predicate == "on":
         kinds = "instance", "instance"
-    elif kinds == ("track", "instance") and predicate not in ("intersects", "nearest", "facing", "approaching"):
+    elif kinds == ("track", "instance") and predicate not in (
+        "intersects",
+        "nearest",
+        "facing",
+        "approaching",
+    ):
         kinds = "track", "track"
     elif predicate == "approaching" and kinds == ("instance", "instance"):
         kinds = "instance", "track"
@@ -140,7 +145,10 @@ class Town:
                 world.map_id, name, world.frame_id,
             )  # fmt: skip
             world.run(
-                "insert into semap.frame_pose (frame_id, qz, qw) values (%s, %s, %s)", frame_id, turn.y, turn.x
+                "insert into semap.frame_pose (frame_id, qz, qw) values (%s, %s, %s)",
+                frame_id,
+                turn.y,
+                turn.x,
             )
             world.run(
                 "insert into semap.instance (map_id, uid, name, concept_id, frame_id, attributes)"
@@ -300,7 +308,9 @@ def shape_of(dice: random.Random, asked: Question) -> dict:
     if asked.predicate == "crosses" and asked.abstraction == "Line":
         shape = dice.choice(LINES)
     else:
-        shape = shapely.affinity.translate(dice.choice(AREAS), dice.randint(-2, 2) / 2, dice.randint(-2, 2) / 2)
+        shape = shapely.affinity.translate(
+            dice.choice(AREAS), dice.randint(-2, 2) / 2, dice.randint(-2, 2) / 2
+        )
     return {"shape": shape, "band": dice.choice(BANDS)}
 
 
