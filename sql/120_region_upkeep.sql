@@ -186,6 +186,18 @@ end $$;
 comment on function semap.index_regions is
   'Write the cells and edges of these regions anew.';
 
+-- Note that these regions have a new form: what came before on their map is not a matter of it.
+create or replace function semap.note_forms(p_region_ids integer[]) returns void
+language sql as $$
+  update semap.region r
+  set formed_stamp = n.stamp, formed_track_id = n.track_id
+  from (select map_id, max(stamp) as stamp, max(track_id) as track_id from semap.track_now
+        where map_id in (select map_id from semap.region where region_id = any (p_region_ids)) group by map_id) n
+  where r.region_id = any (p_region_ids) and r.map_id = n.map_id
+$$;
+comment on function semap.note_forms is
+  'Note that these regions have a new form: what came before on their map is not a matter of it.';
+
 -- Bring the regions of these instances in line with the map and the queries. Who is in a region that
 -- appeared, changed or went enters or leaves it now, at the last stamp of the track.
 create or replace function semap.refresh_regions(p_instance_ids bigint[]) returns void
@@ -248,6 +260,7 @@ begin
   perform semap.unsettle(v_gone || v_changed);
   perform semap.index_regions(v_changed);
   perform semap.unsettle(v_changed);
+  perform semap.note_forms(v_changed);
 
   with inside as (
     select t.track_id, r.region_id

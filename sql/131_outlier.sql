@@ -37,61 +37,84 @@ $$;
 comment on function semap.set_aside is
   'Keep with a track what was set aside of it, or that nothing is.';
 
--- The states of these that pass the gate. What is set aside is kept with its track, which is looked up at its next state.
--- A track whose last state does not pass ends where it was.
-create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
-language plpgsql as $$
+-- Lead states through the gate, and write nothing: those that pass, what is set aside at the end of each track (a stamp
+-- that is null: nothing), and how many were outliers. A track whose last state does not pass ends where it was.
+-- p_asides: what was set aside of tracks before.
+create or replace function semap.gate(
+  p_source semap.source, p_arrivals semap.arrival[], p_asides semap.arrival[],
+  out passed semap.arrival[], out asides semap.arrival[], out outliers bigint
+)
+language plpgsql immutable as $$
 declare
-  v_state     semap.arrival;
-  v_before    semap.arrival;
-  v_aside     semap.arrival;
-  v_passes    boolean;
-  v_passed    semap.arrival[];
-  v_outliers  bigint := 0;
+  v_state   semap.arrival;
+  v_before  semap.arrival;
+  v_aside   semap.arrival;
+  v_passes  boolean;
 begin
+  outliers := 0;
   for v_state in select * from unnest(p_arrivals) order by track_id, stamp loop
     if v_before.track_id is distinct from v_state.track_id then
-      perform semap.set_aside(v_before.track_id, v_aside);
+      if v_before.track_id is not null then
+        v_aside.track_id := v_before.track_id;
+        asides := asides || v_aside;
+      end if;
       v_before := v_state;
       v_before.stamp := v_state.seen_stamp;
       v_before.x_m := v_state.from_x_m;
       v_before.y_m := v_state.from_y_m;
       v_before.z_m := v_state.from_z_m;
       v_aside := null;
-      select outlier_stamp, outlier_x_m, outlier_y_m into v_aside.stamp, v_aside.x_m, v_aside.y_m
-      from semap.track_now where track_id = v_state.track_id;
+      select * into v_aside from unnest(p_asides) where track_id = v_state.track_id;
     end if;
-    v_passes := not v_before.live
-      or semap.can_follow(p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m);
+    -- where nobody knows where it was, it may come from anywhere
+    v_passes := coalesce(not v_before.live or semap.can_follow(
+      p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m), true);
     if v_aside.stamp < v_state.stamp then
       if not v_passes and semap.can_follow(p_source, v_state.stamp - v_aside.stamp,
                                            v_state.x_m - v_aside.x_m, v_state.y_m - v_aside.y_m) then
         v_passes := true;
       else
-        v_outliers := v_outliers + 1;
+        outliers := outliers + 1;
       end if;
       v_aside := null;
     end if;
     if not v_passes and v_state.is_last then
-      v_outliers := v_outliers + 1;
+      outliers := outliers + 1;
       v_state.x_m := v_before.x_m;
       v_state.y_m := v_before.y_m;
       v_state.z_m := v_before.z_m;
       v_passes := true;
     end if;
     if v_passes then
-      v_passed := v_passed || v_state;
+      passed := passed || v_state;
       v_before := v_state;
       v_before.live := not v_state.is_last;
     else
       v_aside := v_state;
     end if;
   end loop;
-  perform semap.set_aside(v_before.track_id, v_aside);
-  if v_outliers > 0 then
-    update semap.source set outliers = outliers + v_outliers where source_id = (p_source).source_id;
+  v_aside.track_id := v_before.track_id;
+  asides := asides || v_aside;
+end $$;
+comment on function semap.gate is
+  'Lead states through the gate for outliers, and write nothing.';
+
+-- The states of these that pass the gate. What is set aside is kept with its track, which is looked up at its next state.
+create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
+language plpgsql as $$
+declare
+  v_gate  record;
+begin
+  select * into v_gate from semap.gate(p_source, p_arrivals, array(
+    select row(track_id, outlier_stamp, outlier_x_m, outlier_y_m, null, null, null, null, null, null, null, null, null, null,
+               null, null, null, null, null, null, null)::semap.arrival
+    from semap.track_now
+    where outlier_stamp is not null and track_id in (select track_id from unnest(p_arrivals))));
+  perform semap.set_aside(track_id, a) from unnest(v_gate.asides) a;
+  if v_gate.outliers > 0 then
+    update semap.source set outliers = outliers + v_gate.outliers where source_id = (p_source).source_id;
   end if;
-  return v_passed;
+  return v_gate.passed;
 end $$;
 comment on function semap.gated is
   'The states of these that pass the gate for outliers.';

@@ -7,7 +7,8 @@
 -- track that is no longer between has no verge. A track that appears is where the boundary says at once.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
--- place that is too uncertain (more than widest_std_m) is evidence of nothing: neither.
+-- place that is too uncertain (more than widest_std_m) is evidence of nothing: neither. A plain region has no shape but
+-- its footprint.
 create or replace function semap.stands(
   p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real
 ) returns table (side boolean, enters boolean, leaves boolean)
@@ -21,7 +22,7 @@ language sql immutable parallel safe as $$
   from (select h.point, h.at_height, h.at_height and case p_region.predicate
                  when 'covers' then public.st_covers(p_region.shape, h.point)
                  when 'within_distance' then public.st_dwithin(p_region.shape, h.point, p_region.distance_m)
-                 else public.st_contains(p_region.shape, h.point) end as side
+                 else public.st_contains(coalesce(p_region.shape, p_region.footprint), h.point) end as side
         from (select public.st_point(p_x_m, p_y_m) as point,
                      p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m) as at_height offset 0) h
         offset 0) b
@@ -59,12 +60,46 @@ $$;
 comment on function semap.parts_of_way is
   'Where a straight way from one place to another meets the boundaries of a region, as parts of the way in [0, 1).';
 
--- Each step of these tracks beside each careful region that it may concern: the parts of the way to each state, where the
--- region asks for them and they are neither too long nor too fast, and (part null) the state itself.
--- A region may concern a track that comes into its box, is in it, or on its verge.
-create or replace function semap.steps(p_arrivals semap.arrival[])
+-- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into the
+-- box of, is in, or is on the verge of.
+create or replace function semap.verges_of(p_arrivals semap.arrival[]) returns semap.verge[]
+language sql stable as $$
+  with arrival as (
+    select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
+    from unnest(p_arrivals) a
+    window one_track as (partition by a.track_id order by a.stamp)
+  ), track as (
+    select a.track_id, a.map_id, n.careful_ids,
+           public.st_expand(public.st_makeenvelope(
+             least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
+             greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
+    from arrival a join semap.track_now n using (track_id)
+    group by a.track_id, a.map_id, n.careful_ids
+  ), concerned as (
+    select t.track_id, t.map_id, r.region_id from track t join semap.region r
+      on r.careful and r.map_id = t.map_id and r.footprint && t.extent
+    union
+    select t.track_id, t.map_id, region_id from track t, unnest(t.careful_ids) region_id
+    union
+    select v.track_id, v.map_id, v.region_id from track t join semap.verge v using (track_id)
+  )
+  select array_agg(case when v.track_id is not null then v
+                        else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null, null)::semap.verge
+                   end)
+  from concerned c
+  join track t using (track_id)
+  cross join lateral (select c.region_id = any (t.careful_ids) as held) h
+  left join semap.verge v on v.track_id = c.track_id and v.region_id = c.region_id
+$$;
+comment on function semap.verges_of is
+  'What is kept of these tracks beside each careful region that their states may concern.';
+
+-- Each step of these tracks beside each of these regions: the parts of the way to each state, where the region asks for
+-- them and they are neither too long nor too fast, and (part null) the state itself. What is kept of a track beside a
+-- region was so when its side changed last, and steps before that are none.
+create or replace function semap.steps(p_arrivals semap.arrival[], p_verges semap.verge[])
 returns table (
-  track_id bigint, region_id integer, map_id integer, enter_confirm interval, leave_confirm interval,
+  track_id bigint, region_id integer, verge semap.verge, enter_confirm interval, leave_confirm interval,
   known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
   side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean, is_last boolean
 )
@@ -76,26 +111,12 @@ language sql stable as $$
            lag(a.is_last, 1, not a.live) over one_track as appears
     from unnest(p_arrivals) a
     window one_track as (partition by a.track_id order by a.stamp)
-  ), track as (
-    select a.track_id, a.map_id, n.careful_ids,
-           public.st_expand(public.st_makeenvelope(
-             least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
-             greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
-    from arrival a join semap.track_now n using (track_id)
-    group by a.track_id, a.map_id, n.careful_ids
-  ), concerned as (
-    select t.track_id, r.region_id from track t join semap.region r
-      on r.careful and r.map_id = t.map_id and r.footprint && t.extent
-    union
-    select t.track_id, region_id from track t, unnest(t.careful_ids) region_id
-    union
-    select v.track_id, v.region_id from track t join semap.verge v using (track_id)
   )
-  select c.track_id, r.region_id, r.map_id, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
+  select c.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
          s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last
-  from concerned c
+  from unnest(p_verges) c
   join semap.region r on r.region_id = c.region_id
-  join arrival a on a.track_id = c.track_id
+  join arrival a on a.track_id = c.track_id and (c.side_at is null or a.stamp > c.side_at)
   cross join lateral (
     select case
       when r.longest_gap is null or a.appears or a.stamp > a.before_stamp + r.longest_gap
@@ -116,7 +137,7 @@ language sql stable as $$
      or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
 $$;
 comment on function semap.steps is
-  'Each step of these tracks beside each careful region that it may concern.';
+  'Each step of these tracks beside each of these regions.';
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
@@ -160,42 +181,57 @@ end $$;
 comment on function semap.keep_verges is
   'Keep where tracks stand to regions: verges where they are between, the regions they are in, and when they are due.';
 
--- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.
-create or replace function semap.follow_carefully(p_arrivals semap.arrival[]) returns semap.crossing[]
-language plpgsql as $$
+-- Follow tracks through these states beside these regions: what of them is to be kept then, and what began and ended. It
+-- writes nothing.
+-- Where states came late, from p_late_from on, it also says between which stamps what it found may differ from what was
+-- found without them: after the last state before them at which a relation is a matter of the states from p_known_from on
+-- alone, and up to the first one at which it is a matter of those from p_free_from on alone. That is so where a track appears
+-- or ends, and where it was evidently inside, or evidently outside, for as long as it takes to confirm that.
+create or replace function semap.follow_steps(
+  p_arrivals semap.arrival[], p_verges semap.verge[], p_late_from timestamptz default null,
+  p_known_from timestamptz default null, p_free_from timestamptz default null,
+  out verges semap.verge[], out crossings semap.crossing[], out spans semap.replayed[]
+)
+language plpgsql stable as $$
 declare
-  v_step       record;
-  v_verge      semap.verge;
-  v_verges     semap.verge[];
-  v_crossings  semap.crossing[];
+  v_step      record;
+  v_verge     semap.verge;
+  v_span      semap.replayed;
+  v_decided   boolean;
+  v_run       boolean;
+  v_run_at    timestamptz;
+  v_is_free   boolean;
+  v_was_free  boolean;
 begin
   for v_step in
-    select s.*, s.region_id = any (n.careful_ids) as held, v as verge, v.track_id is not null as has_verge
-    from semap.steps(p_arrivals) s
-    join semap.track_now n using (track_id)
-    left join semap.verge v on v.track_id = s.track_id and v.region_id = s.region_id
-    order by s.track_id, s.region_id, s.known_at, s.part nulls last
+    select * from semap.steps(p_arrivals, p_verges) s order by s.track_id, s.region_id, s.known_at, s.part nulls last
   loop
     if v_verge.track_id is distinct from v_step.track_id or v_verge.region_id is distinct from v_step.region_id then
       if v_verge.track_id is not null then
-        v_verges := v_verges || v_verge;
+        verges := verges || v_verge;
+        if p_late_from is not null then
+          spans := spans || v_span;
+        end if;
       end if;
-      if v_step.has_verge then
-        v_verge := v_step.verge;
-      else
-        v_verge := row(v_step.track_id, v_step.region_id, v_step.map_id, v_step.held, v_step.held, null, v_step.held,
-                       null, null, null);
+      v_verge := v_step.verge;
+      if p_late_from is not null then
+        v_span := row(v_step.region_id, v_verge.side_at, null);
+        v_run := null;
+        v_was_free := false;
       end if;
     end if;
+    continue when v_span.to_stamp < v_step.known_at;
 
-    if v_step.appears then
+    if v_step.x_m is null then
+      null; -- the track was said to have ended, and nobody saw it
+    elsif v_step.appears then
       v_verge.held := v_step.side;
       v_verge.inside := v_step.side;
       v_verge.side := v_step.side;
       v_verge.inside_at := null;
       v_verge.side_at := null;
       if v_step.side then
-        v_crossings := v_crossings || row(v_step.track_id, v_step.region_id, 'began', 'appeared', v_step.known_at,
+        crossings := crossings || row(v_step.track_id, v_step.region_id, 'began', 'appeared', v_step.known_at,
                                           v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
       end if;
     else
@@ -204,7 +240,7 @@ begin
          and v_step.at >= v_verge.inside_at
                           + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
         v_verge.held := v_verge.inside;
-        v_crossings := v_crossings || semap.verge_crossing(v_verge, v_step.known_at);
+        crossings := crossings || semap.verge_crossing(v_verge, v_step.known_at);
       end if;
       if v_step.side <> v_verge.side then
         v_verge.side := v_step.side;
@@ -220,23 +256,59 @@ begin
          and v_step.at >= v_verge.inside_at
                           + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
         v_verge.held := v_verge.inside;
-        v_crossings := v_crossings || semap.verge_crossing(v_verge, v_step.known_at);
+        crossings := crossings || semap.verge_crossing(v_verge, v_step.known_at);
       end if;
     end if;
 
     if v_step.is_last and v_step.part is null then
       if v_verge.held then
-        v_crossings := v_crossings || row(v_step.track_id, v_step.region_id, 'ended', 'disappeared', v_step.known_at,
+        crossings := crossings || row(v_step.track_id, v_step.region_id, 'ended', 'disappeared', v_step.known_at,
                                           v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
       end if;
       v_verge.held := false;
       v_verge.inside := false;
       v_verge.side := false;
     end if;
+
+    if p_late_from is not null then
+      v_decided := case when v_step.appears then v_step.side when v_step.enters then true when v_step.leaves then false end;
+      v_is_free := v_step.known_at > p_free_from
+                   or v_step.known_at = p_free_from and (v_step.part is null or v_step.appears);
+      if v_decided is distinct from v_run or v_is_free and not v_was_free then
+        v_run := v_decided;
+        v_run_at := v_step.at;
+      end if;
+      v_was_free := v_is_free;
+      if v_step.appears or v_step.is_last and v_step.part is null
+         or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
+                                          when not v_decided then v_step.leave_confirm end) then
+        if v_step.known_at < p_late_from then
+          v_span.from_stamp := case when v_step.known_at >= p_known_from then v_step.known_at else v_span.from_stamp end;
+        elsif v_is_free and v_span.to_stamp is null then
+          v_span.to_stamp := v_step.known_at;
+        end if;
+      end if;
+    end if;
   end loop;
   if v_verge.track_id is not null then
-    v_verges := v_verges || v_verge;
+    verges := verges || v_verge;
+    if p_late_from is not null then
+      spans := spans || v_span;
+    end if;
   end if;
+end $$;
+comment on function semap.follow_steps is
+  'Follow tracks through these states beside these regions, and write nothing.';
+
+-- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.
+create or replace function semap.follow_carefully(p_arrivals semap.arrival[]) returns semap.crossing[]
+language plpgsql as $$
+declare
+  v_verges     semap.verge[];
+  v_crossings  semap.crossing[];
+begin
+  select f.verges, f.crossings into v_verges, v_crossings
+  from semap.follow_steps(p_arrivals, semap.verges_of(p_arrivals)) f;
   perform semap.keep_verges(v_verges, array(select distinct track_id from unnest(p_arrivals)));
   return v_crossings;
 end $$;

@@ -1,6 +1,6 @@
 -- New states move their tracks. A state within the calm of its track needs one comparison; only tracks that left theirs
--- are looked up. States at or before the present of their track change no relation: they are kept and counted as late. A
--- state that is its track's last ends the track after it.
+-- are looked up. States at or before the present of their track are late: they are counted, and correct its history
+-- (sql/139). A state that is its track's last ends the track after it.
 --
 -- Where tracks are is written late, where that saves most of the work: a *frame* is a batch that holds each live track
 -- of its source once, all at one stamp. While one large frame follows another, `track_now` is written once a second of
@@ -83,7 +83,7 @@ begin
       perform semap.refuse_strange(v_source_id, v_arrivals);
     end if;
     if v_late > 0 then
-      perform semap.note_late(v_source_id, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
+      perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
     end if;
     -- what is needed of places that are not written yet, and of the other states of the same tracks
     v_is_stale := v_count.frame_stamp > v_count.placed_stamp

@@ -501,6 +501,8 @@ region = Table(
     *_doubles("fastest_mps", nullable=True),
     _text("subject", nullable=True),
     Column("careful", Boolean, nullable=False),
+    Column("formed_stamp", STAMP, nullable=False),
+    Column("formed_track_id", BigInteger, nullable=False),
     UniqueConstraint("query_id", "instance_id"),
 )
 
