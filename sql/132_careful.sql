@@ -279,9 +279,10 @@ begin
         v_run_at := v_step.at;
       end if;
       v_was_free := v_is_free;
-      if v_step.appears or v_step.is_last and v_step.part is null
-         or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
-                                          when not v_decided then v_step.leave_confirm end) then
+      if v_step.part is null
+         and (v_step.appears or v_step.is_last
+              or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
+                                               when not v_decided then v_step.leave_confirm end)) then
         if v_step.known_at < p_late_from then
           v_span.from_stamp := case when v_step.known_at >= p_known_from then v_step.known_at else v_span.from_stamp end;
         elsif v_is_free and v_span.to_stamp is null then
