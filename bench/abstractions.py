@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from bench.figure import once
 from semap.geometry.abstractions import derive
 from semap.geometry.prism import extrude
 from semap.model.building import Mesh
@@ -45,9 +46,9 @@ def _measured(name: str) -> dict[str, object]:
     return {
         "shape": name,
         "triangles": len(mesh.faces),
-        "seconds": round(seconds, 2),
-        "cpu_seconds": round(cpu_seconds, 2),
-        "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+        "seconds": once(seconds, 2),
+        "cpu_seconds": once(cpu_seconds, 2),
+        "peak_rss_mb": once(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
         "abstractions": len(found),
         "footprint_corners": int(shapely.get_num_coordinates(found["Footprint"])),
         "hull_corners": len(hull.vertices_m),

@@ -6,11 +6,12 @@ python -m bench.certainty DSN     prints a line of JSON for each case
 from __future__ import annotations
 
 import json
-import statistics
 import sys
 import time
 
 import psycopg
+
+from bench.figure import as_json, figure
 
 ROUNDS = 5
 CONDITION = {
@@ -55,10 +56,10 @@ CASES = {
 
 def measure(dsn: str) -> list[dict[str, object]]:
     with psycopg.connect(dsn, autocommit=True) as connection:
-        return [{"case": name, "us": round(_median_us(connection, *case), 1)} for name, case in CASES.items()]
+        return [{"case": name, "us": figure(_times_us(connection, *case), 1)} for name, case in CASES.items()]
 
 
-def _median_us(connection: psycopg.Connection, count: int, shape: str, asked: str) -> float:
+def _times_us(connection: psycopg.Connection, count: int, shape: str, asked: str) -> list[float]:
     """Positions are spread over the shape and what is around it."""
     connection.execute(
         "create temp table if not exists asked (shape public.geometry, x_m float8, y_m float8, thing jsonb);"
@@ -76,9 +77,9 @@ def _median_us(connection: psycopg.Connection, count: int, shape: str, asked: st
         start = time.perf_counter()
         connection.execute(f"select sum({asked}) from asked").fetchone()
         times.append((time.perf_counter() - start) * 1e6 / count)
-    return statistics.median(times)
+    return times
 
 
 if __name__ == "__main__":
-    for line in measure(sys.argv[1]):
+    for line in as_json(measure(sys.argv[1])):
         print(json.dumps(line), flush=True)

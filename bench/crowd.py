@@ -107,9 +107,22 @@ class Crowd:
 
 
 def build_map(
-    connection: psycopg.Connection, name: str, rooms: list[shapely.Polygon], tracks: int
+    connection: psycopg.Connection,
+    name: str,
+    rooms: Sequence[shapely.Polygon],
+    tracks: int,
+    per_source: int | None = None,
 ) -> tuple[int, NDArray[np.int64]]:
-    """A map of rooms with its query and rule, a source and tracks; its id and the tracks' ids."""
+    """A map of rooms with its query and rule, and tracks; its id and the tracks' ids.
+
+    per_source  so many tracks are of one source, the next as many of another; None: all are of one
+    """
+    map_id = import_rooms(connection, name, rooms)
+    return map_id, add_tracks(connection, map_id, tracks, per_source or tracks)
+
+
+def import_rooms(connection: psycopg.Connection, name: str, rooms: Sequence[shapely.Polygon]) -> int:
+    """A map of rooms with its query and rule; its id."""
     from uuid import uuid4  # noqa: PLC0415
 
     from semap.model.building import Building, HeightBand, Item  # noqa: PLC0415
@@ -122,18 +135,28 @@ def build_map(
         for i, room in enumerate(rooms)
     )
     with one_transaction(connection.info.dsn) as c:
-        create_map(c, name)
+        map_id = create_map(c, name).map_id
         import_building(c, name, Building((), items))
-    (map_id,) = connection.execute("select map_id from semap.map where name = %s", [name]).fetchone() or (0,)
-    (source_id,) = connection.execute(
-        "insert into semap.source (map_id, name) values (%s, 'crowd') returning source_id", [map_id]
-    ).fetchone() or (0,)
+    return map_id
+
+
+def add_tracks(
+    connection: psycopg.Connection, map_id: int, tracks: int, per_source: int
+) -> NDArray[np.int64]:
+    """Tracks of as many sources as it takes; their ids, in the order of their sources."""
+    connection.execute(
+        "insert into semap.source (map_id, name)"
+        " select %s, case when n = 1 then 'crowd' else 'crowd ' || n end from generate_series(1, %s) n",
+        [map_id, -(-tracks // per_source)],
+    )
     connection.execute(
         "insert into semap.track (uid, source_id, map_id, name)"
-        " select gen_random_uuid(), %s, %s, 'track ' || n from generate_series(1, %s) n",
-        [source_id, map_id, tracks],
+        " select gen_random_uuid(), s.ids[(n - 1) / %s + 1], %s, 'track ' || n"
+        " from (select array_agg(source_id order by source_id) as ids from semap.source where map_id = %s) s,"
+        "      generate_series(1, %s) n order by n",
+        [per_source, map_id, map_id, tracks],
     )
     ids = connection.execute(
         "select track_id from semap.track where map_id = %s order by 1", [map_id]
     ).fetchall()
-    return map_id, np.array([track_id for (track_id,) in ids], dtype=np.int64)
+    return np.array([track_id for (track_id,) in ids], dtype=np.int64)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from semap_service.port import free_port
 from semap_service.supervisor import Supervisor
 
+from bench.figure import once
 from semap.store.database import connect
 
 READERS = 450
@@ -90,19 +91,19 @@ def _run(dsn: str, readers: int, deaf: int, length_s: float) -> dict[str, object
         "readers": readers,
         "deaf": deaf,
         "events": after[0] - before[0],
-        "events_per_s": round(count / took_s),
+        "events_per_s": once(count / took_s),
         "received": received,
         "missed": readers * count - received,
         "out_of_order": sum(each["broken"] for each in summaries),
         "told_too_slow": sum(each["told"] for each in summaries),
         "deaf_still_open": max(deaf_open, 0),
-        "p50_ms": round(float(p50), 1),
-        "p99_ms": round(float(p99), 1),
-        "max_ms": round(float(delays_ms.max()), 1),
-        "frames_per_s": round(sum(len(each) for each in arrivals) / took_s),
-        "server_cores": round(memory.cpu_s / took_s, 2),
+        "p50_ms": once(float(p50), 1),
+        "p99_ms": once(float(p99), 1),
+        "max_ms": once(float(delays_ms.max()), 1),
+        "frames_per_s": once(sum(len(each) for each in arrivals) / took_s),
+        "server_cores": once(memory.cpu_s / took_s, 2),
         "server_mb": [round(each) for each in memory.rss_mb[:: max(len(memory.rss_mb) // 6, 1)]],
-        "server_peak_mb": round(memory.peak_mb),
+        "server_peak_mb": once(memory.peak_mb),
     }
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from statistics import median, quantiles
 
 import numpy as np
 from sqlalchemy import Connection, text
 
 from bench import operators
+from bench.figure import once, percentiles, timed_ms
 from semap.store import moment, track_history
 from semap.store.database import connect, open_engine
 from semap.store.features.collection import get_collection
@@ -26,7 +26,8 @@ from semap.store.maps import create_map
 TRACKS = 50
 HOURS = 4
 ROOMS = 30
-ROUNDS = 100
+ROUNDS = 5
+QUESTIONS = 50
 START = datetime(2026, 1, 31, 22, tzinfo=UTC)
 
 DAYS = "select semap.ensure_partitions(array(select generate_series(%s::date, %s::date, '1 day')::date))"
@@ -65,14 +66,12 @@ LEAVE = (
 
 
 def measure(dsn: str, hours: float = HOURS, things: int = operators.THINGS) -> list[dict[str, object]]:
-    """One row for each question: median and p99 [ms]."""
+    """One row for each question: times [ms]."""
     states = leave(dsn, hours)
     operators.build(dsn, things)
     dice = np.random.default_rng(1)
     engine = open_engine(dsn, "semap_read")
-    rows: list[dict[str, object]] = [
-        {"question": f"states of {TRACKS} tracks", "median_ms": "", "p99_ms": "", "rows": states}
-    ]
+    rows: list[dict[str, object]] = [{"question": f"states of {TRACKS} tracks", "rows": states}]
     with engine.connect() as connection:
         questions = {**_looking_back(connection, dice, hours), **_pages(connection, dice)}
         rows += [{"question": name, **_timed(ask)} for name, ask in questions.items()]
@@ -96,8 +95,7 @@ def _packed(dsn: str) -> dict[str, object]:
         _, packed = connection.execute(ROOM).fetchone() or (0, 0)
     return {
         "question": f"bytes of a state: {as_rows / states:.0f} as a row, {packed / states:.1f} packed in us:",
-        "median_ms": round(took_us / states, 1),
-        "p99_ms": "",
+        "p50_ms": once(took_us / states, 1),
         "rows": states,
     }
 
@@ -172,13 +170,4 @@ def _pages(connection: Connection, dice: np.random.Generator) -> dict[str, Calla
 
 
 def _timed(ask: Callable[[], object]) -> dict[str, object]:
-    times_ms = []
-    for _ in range(ROUNDS):
-        started_s = time.perf_counter()
-        ask()
-        times_ms.append(1000 * (time.perf_counter() - started_s))
-    return {
-        "median_ms": round(median(times_ms), 2),
-        "p99_ms": round(quantiles(times_ms, n=100)[98], 2),
-        "rows": "",
-    }
+    return dict(percentiles([[timed_ms(ask) for _ in range(QUESTIONS)] for _ in range(ROUNDS)]))

@@ -13,6 +13,8 @@ from semap_service.evaluation.office import Stage, evaluate
 from semap_service.evaluation.report import write
 from semap_service.supervisor import Supervisor
 
+from bench.figure import once
+
 FOLDER = Path(__file__).parent / "office"
 REAL_DATA = Path(__file__).parents[2] / "shared" / "data"
 PEOPLE = (1, 5, 10, 20)
@@ -75,4 +77,7 @@ def measure(part: str, extent: Extent, dsn: str) -> list[dict[str, object]]:
     write(report, FOLDER)
     for line in report.details:
         print(f"   {line}")
-    return [dict(row) for row in report.rows]
+    return [
+        {title: once(each, 3) if isinstance(each, float) else each for title, each in row.items()}
+        for row in report.rows
+    ]

@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,8 @@ from rosbags.typesys.store import Typestore
 from semap_ingest.recording.reading import Recording
 from semap_ingest.sensing.scan import Scan
 
+from bench.figure import figure
+
 SCANS = 10_000
 ROUNDS = 5
 BEAMS = 811
@@ -31,7 +32,7 @@ SCAN = "sensor_msgs/msg/LaserScan"
 
 
 def measure() -> list[dict[str, object]]:
-    """One row for each format: the median and the least rate [scans/s], also by the processor's time."""
+    """One row for each format: rates [scans/s], also by the processor's time."""
     with tempfile.TemporaryDirectory(prefix="semap-bench-") as folder:
         return [_measured(name, write(Path(folder) / name)) for name, write in FORMATS.items()]
 
@@ -43,9 +44,8 @@ def _measured(name: str, path: Path) -> dict[str, object]:
         "scans": SCANS,
         "beams": BEAMS,
         "mb": round(sum(file.stat().st_size for file in _files(path)) / 1e6),
-        "scans_per_s": round(median(rates)),
-        "scans_per_s_min": round(min(rates)),
-        "scans_per_cpu_s": round(median(cpu_rates)),
+        "scans_per_s": figure(rates),
+        "scans_per_cpu_s": figure(cpu_rates),
     }
 
 

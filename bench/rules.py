@@ -24,11 +24,11 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 import numpy.typing as npt
 
+from bench.figure import figure, once
 from bench.flink.environment import Flink, FlinkMissing, find
 from semap.model.event import Event
 from semap.rules.engine.engine import Engine
@@ -100,9 +100,7 @@ def _summary(way: str, rounds: list[tuple[float, Pairs]], wanted: Pairs) -> dict
         "way": way,
         "rows": ROWS,
         "keys": KEYS,
-        "rows_per_s_median": round(median(rates)),
-        "rows_per_s_min": round(min(rates)),
-        "rows_per_s_max": round(max(rates)),
+        "rows_per_s": figure(rates),
         "matches": len(rounds[0][1]),
         "same_matches": all(np.array_equal(pairs, wanted) for _, pairs in rounds),
     }
@@ -194,7 +192,10 @@ def _memory() -> dict[str, object]:
         "way": "semap, memory",
         "rows": SAID_AT[-1],
         "keys": KEYS,
-        **{f"rss_mb_at_{rows // 1_000_000}_m": size for rows, size in zip(SAID_AT, sizes, strict=True)},
+        **{
+            f"rss_mb_at_{rows // 1_000_000}_m": once(size, 1)
+            for rows, size in zip(SAID_AT, sizes, strict=True)
+        },
     }
 
 

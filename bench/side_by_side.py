@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
-from statistics import median
 
 import numpy as np
 import psycopg
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from semap_ingest.replay import COPY_STATES
 
 from bench.crowd import Crowd, Floor, build_map, walk
+from bench.figure import figure, once
 from bench.peers import Changes, Fed, Named, Peer, PeerMissing, ordered, peers
 from semap.store.database import connect
 
@@ -91,10 +91,8 @@ def _rows(
     ratios = [rate / of for rate, of in zip(rates, semap, strict=True)]
     measured = {
         "way": named.title,
-        "states_per_s_median": round(median(rates)),
-        "states_per_s_min": round(min(rates)),
-        "states_per_s_max": round(max(rates)),
-        "ratio_to_semap_median": round(median(ratios), 3),
+        "states_per_s": figure(rates),
+        "ratio_to_semap": figure(ratios, 3),
         "changes": sum(len(each.changes) for each in fed),
     }
     return [measured, *({"way": f"  {way}", **_one(said)} for way, said in named.slower.items())]
@@ -103,7 +101,7 @@ def _rows(
 def _one(said: float | str) -> dict[str, object]:
     if isinstance(said, str):
         return {"note": said}
-    return {"states_per_s_median": round(said), "note": "in half of a round, beforehand"}
+    return {"states_per_s": once(said), "note": "in half of a round, beforehand"}
 
 
 def begin_triggers(

@@ -6,13 +6,13 @@ python -m bench.solid DSN     prints a line of JSON for each case
 from __future__ import annotations
 
 import json
-import statistics
 import sys
 import time
 
 import psycopg
 import trimesh
 
+from bench.figure import as_json, figure
 from semap.geometry.tin import mesh_to_wkb
 from semap.model.building import Mesh
 
@@ -46,22 +46,22 @@ def measure(dsn: str, subdivisions: int) -> list[dict[str, object]]:
             a, b = (mesh_to_wkb(Mesh(each.vertices, each.faces)) for each in pair)
             row: dict[str, object] = {"triangles": len(pair[0].faces), "case": name}
             for function in FUNCTIONS:
-                row[f"{function}_ms"] = round(_median_ms(connection, function, a, b), 1)
+                row[f"{function}_ms"] = figure(_times_ms(connection, function, a, b), 1)
             rows.append(row)
     return rows
 
 
-def _median_ms(connection: psycopg.Connection, function: str, a: bytes, b: bytes) -> float:
+def _times_ms(connection: psycopg.Connection, function: str, a: bytes, b: bytes) -> list[float]:
     statement = f"select semap.{function}(%s::bytea::public.geometry, %s::bytea::public.geometry)"
     times = []
     for _ in range(ROUNDS):
         start = time.perf_counter()
         connection.execute(statement, (a, b)).fetchone()
         times.append((time.perf_counter() - start) * 1e3)
-    return statistics.median(times)
+    return times
 
 
 if __name__ == "__main__":
     for level in (0, 1, 2, 3):
-        for line in measure(sys.argv[1], level):
+        for line in as_json(measure(sys.argv[1], level)):
             print(json.dumps(line), flush=True)

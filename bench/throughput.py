@@ -7,19 +7,20 @@ trigger. Both commit every batch durably. Rounds of the two alternate.
 from __future__ import annotations
 
 import time
-from statistics import median
 
 import psycopg
 from semap_ingest.replay import COPY_STATES
 from semap_ingest.state_copy import COLUMNS
 
 from bench.crowd import Floor, batches, build_map, walk
+from bench.figure import figure
 from semap.store.database import connect
 
 COPY_BARE = f"copy bare ({', '.join(COLUMNS)}) from stdin (format binary)"
 ROUNDS = 5
 FRAMES = 200
 TRACKS = 1000
+FLOOR = Floor(40, 25)
 CROWDS = {"office (pauses up to 30 s)": 30.0, "marching (never pauses)": 0.0}
 
 
@@ -29,7 +30,7 @@ def measure(dsn: str) -> list[dict[str, object]]:
 
 
 def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
-    floor = Floor(40, 25)
+    floor = FLOOR
     with connect(dsn) as connection:
         _, track_ids = build_map(connection, name, floor.rooms(), TRACKS)
         connection.execute(
@@ -58,11 +59,9 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         "tracks": TRACKS,
         "batch": TRACKS,
         "changes_per_1000_states": round(1000 * changes / (ROUNDS * FRAMES * TRACKS), 1),
-        "bare_copy_per_s": round(median(rates["bare"])),
-        "triggers_per_s": round(median(rates["triggers"])),
-        "ratio_median": round(median(ratios), 3),
-        "ratio_min": round(min(ratios), 3),
-        "ratio_max": round(max(ratios), 3),
+        "bare_copy_per_s": figure(rates["bare"]),
+        "triggers_per_s": figure(rates["triggers"]),
+        "ratio": figure(ratios, 3),
     }
 
 
