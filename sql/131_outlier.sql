@@ -15,14 +15,15 @@ comment on function semap.can_follow is
 -- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it was
 -- may be known only to within its calm.
 create or replace function semap.any_far_step(p_source semap.source, p_arrivals semap.arrival[]) returns boolean
-language sql immutable parallel safe as $$
-  select exists (
+language plpgsql immutable parallel safe as $$ -- which keeps its plan
+begin
+  return exists (
     select from (
       select x_m - lag(x_m, 1, case when live then from_x_m end) over one_track as dx_m,
              y_m - lag(y_m, 1, case when live then from_y_m end) over one_track as dy_m
       from unnest(p_arrivals) window one_track as (partition by track_id order by stamp)) step
-    where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2)
-$$;
+    where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2);
+end $$;
 comment on function semap.any_far_step is
   'Whether the gate has to look at these states, since a step of a track is more than half as long as a jump.';
 

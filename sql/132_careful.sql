@@ -40,23 +40,31 @@ create or replace function semap.parts_of_way(
   p_region semap.region, p_x1_m double precision, p_y1_m double precision, p_z1_m double precision,
   p_x2_m double precision, p_y2_m double precision, p_z2_m double precision
 ) returns double precision[]
-language sql immutable parallel safe as $$
-  with way as (
-    select public.st_makeline(public.st_point(p_x1_m, p_y1_m), public.st_point(p_x2_m, p_y2_m)) as line
-  ), met as (
-    select public.st_linelocatepoint(line, (public.st_dumppoints(
-             public.st_intersection(public.st_boundary(shape), line))).geom) as part
-    from way, unnest(array[p_region.footprint, p_region.core, p_region.reach]) shape
-    where public.st_length(line) > 0 and public.st_intersects(public.st_boundary(shape), line)
-    union
-    select (z_m - p_z1_m) / (p_z2_m - p_z1_m)
-    from unnest(array[p_region.z_min_m, p_region.z_max_m]) z_m
-    where p_z1_m <> p_z2_m and z_m between least(p_z1_m, p_z2_m) and greatest(p_z1_m, p_z2_m)
-  )
-  select case when count(*) > 0 then array_agg(part order by part) end
-  from (select 0.0::double precision as part where exists (select from met)
-        union select part from met where part < 1) p
-$$;
+language plpgsql immutable parallel safe as $$ -- which keeps its plan
+declare
+  v_way    constant public.geometry := public.st_makeline(public.st_point(p_x1_m, p_y1_m), public.st_point(p_x2_m, p_y2_m));
+  v_shape  public.geometry;
+  v_parts  double precision[];
+begin
+  if p_x1_m <> p_x2_m or p_y1_m <> p_y2_m then
+    foreach v_shape in array array[p_region.footprint, p_region.core, p_region.reach] loop
+      if v_way operator(public.&&) v_shape and public.st_intersects(public.st_boundary(v_shape), v_way) then
+        v_parts := v_parts || array(
+          select public.st_linelocatepoint(v_way, d.geom)
+          from public.st_dumppoints(public.st_intersection(public.st_boundary(v_shape), v_way)) d);
+      end if;
+    end loop;
+  end if;
+  if p_z1_m <> p_z2_m then
+    v_parts := v_parts || array(
+      select (z_m - p_z1_m) / (p_z2_m - p_z1_m) from unnest(array[p_region.z_min_m, p_region.z_max_m]) z_m
+      where z_m between least(p_z1_m, p_z2_m) and greatest(p_z1_m, p_z2_m));
+  end if;
+  if v_parts is null or v_parts = '{}' then
+    return null;
+  end if;
+  return array(select distinct part from unnest(0.0::double precision || v_parts) part where part < 1 order by part);
+end $$;
 comment on function semap.parts_of_way is
   'Where a straight way from one place to another meets the boundaries of a region, as parts of the way in [0, 1).';
 
@@ -142,12 +150,13 @@ comment on function semap.steps is
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
 create or replace function semap.verge_crossing(p_verge semap.verge, p_known_at timestamptz) returns semap.crossing
-language sql immutable parallel safe as $$
-  select row((p_verge).track_id, (p_verge).region_id, case when (p_verge).held then 'began' else 'ended' end, 'moved',
+language plpgsql immutable parallel safe as $$
+begin
+  return row((p_verge).track_id, (p_verge).region_id, case when (p_verge).held then 'began' else 'ended' end, 'moved',
              p_known_at, case when (p_verge).side = (p_verge).held then coalesce((p_verge).side_at, (p_verge).inside_at)
                               else (p_verge).inside_at end,
-             (p_verge).x_m, (p_verge).y_m)::semap.crossing
-$$;
+             (p_verge).x_m, (p_verge).y_m)::semap.crossing;
+end $$;
 comment on function semap.verge_crossing is
   'What a relation that changed says: the moment and the place at which the boundary was crossed.';
 

@@ -39,8 +39,10 @@ declare
 begin
   select t.source_id, t.map_id, t.cell_m into v_source_id, v_map_id, v_cell_m
   from (select track_id from new_state limit 1) n join semap.track_now t using (track_id);
-  perform semap.hold_regions();
-  perform semap.hold_source(v_source_id);
+  if current_setting('transaction_isolation') <> 'read committed' then
+    perform semap.require_read_committed();
+  end if;
+  perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, v_source_id); -- as in sql/020, in one statement
   select * into v_count from semap.source_count where source_id = v_source_id;
   v_count.frame_stamp := coalesce(v_count.frame_stamp, '-infinity');
   v_in_pairs := exists (select from semap.continuous_query where map_id = v_map_id and in_pairs and enabled);
