@@ -66,6 +66,24 @@ end $$;
 comment on function semap.state_before is
   'The newest state of a track at a moment, not older than another moment.';
 
+-- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and partitions
+-- of other days are left out when it is asked: in a statement about many events, each partition would cost each time.
+create or replace function semap.place_at(p_track_id bigint, p_stamp timestamptz) returns public.geometry
+language plpgsql stable parallel safe strict security definer
+set search_path = pg_catalog, pg_temp set plan_cache_mode = force_generic_plan as $$
+begin
+  if not exists (select from semap.seen_between(p_track_id)) then
+    return null;
+  end if;
+  return (
+    select public.st_point(s.x_m, s.y_m) from semap.stored_state s
+    where s.track_id = p_track_id and s.stamp = p_stamp
+      and s.from_stamp > p_stamp - interval '30 min' and s.from_stamp <= p_stamp and s.to_stamp >= p_stamp
+    limit 1);
+end $$;
+comment on function semap.place_at is
+  'Where a track was at the stamp of one of its states; null where it has none then.';
+
 -- The stamp of the first state of any track of a map.
 create or replace function semap.first_state_of_map(p_map_id integer) returns timestamptz
 language sql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
@@ -83,6 +101,7 @@ begin
   foreach v_function in array array[
     'semap.states_of_track(bigint, timestamptz, timestamptz, timestamptz, integer)',
     'semap.state_before(bigint, timestamptz, timestamptz)',
+    'semap.place_at(bigint, timestamptz)',
     'semap.first_state_of_map(integer)',
     'semap.concepts_as_of(timestamptz)'
   ]::regprocedure[] loop

@@ -18,7 +18,6 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 from semap.model.event import Evidence
 from semap.store.database import translated
 from semap.store.maps import map_id_of
-from semap.store.seen_state import SEEN, seen_at
 from semap.store.tables import abstraction, event, event_amendment, event_evidence, map_, progress
 
 LOOKED_AT = 10_000
@@ -175,11 +174,6 @@ def _evidence(uid: str, variable: str, source: Any, stamp: str) -> Evidence:
     return Evidence(UUID(uid), variable, source, datetime.fromisoformat(stamp))
 
 
-_SEEN_AT = (
-    select(func.public.st_point(SEEN.c.x_m, SEEN.c.y_m))
-    .where(SEEN.c.track_id == event.c.track_id, seen_at(event.c.stamp))
-    .scalar_subquery()
-)
 _POSITION = (
     select(abstraction.c.geometry)
     .where(
@@ -209,7 +203,9 @@ _EVENTS = (
         event_amendment.c.verdict,
         event_amendment.c.by_event_id,
         event.c.created_at,
-        func.public.st_asbinary(func.coalesce(_SEEN_AT, _POSITION)),
+        func.public.st_asbinary(
+            func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION)
+        ),
         select(
             func.jsonb_agg(
                 aggregate_order_by(

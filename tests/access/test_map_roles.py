@@ -169,6 +169,7 @@ def test_functions_that_act_for_their_owner_are_called_by_those_they_are_for(
 STATES = {
     "states_of_track": "semap.states_of_track(%(track)s, '-infinity', 'infinity', '-infinity', 100)",
     "state_before": "semap.state_before(%(track)s, 'infinity')",
+    "place_at": "semap.state_before(%(track)s, 'infinity') s, semap.place_at(%(track)s, s.stamp) p where p is not null",
     "first_state_of_map": "(select semap.first_state_of_map(%(map)s) as stamp) f where stamp is not null",
 }
 

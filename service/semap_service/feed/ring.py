@@ -1,9 +1,9 @@
 """New events for everyone who waits for them, read and written as JSON once for the whole process.
 
 One connection listens on the channel `semap_event`; a notification only wakes. What is new is then read
-by number into a ring of bounded size. Readers have a cursor, the number of the last event that they
-know, and take what is after it at their own pace: from the ring, or from the database where the ring
-has moved on. So a slow reader costs nothing and misses nothing.
+by number, on a connection of the feed's own, into a ring of bounded size. Readers have a cursor, the number
+of the last event that they know, and take what is after it at their own pace: from the ring, or from the
+database where the ring has moved on. So a slow reader costs nothing and misses nothing.
 
 A notification may get lost with its connection, so new events are looked for every second as well, and
 after each reconnection.
@@ -25,10 +25,10 @@ from functools import partial
 from typing import TypeVar
 
 import psycopg
-from sqlalchemy import Engine
+from sqlalchemy import Connection, Engine
 
-from semap.errors import SemapError
-from semap.store.database import connect, translated
+from semap.errors import SemapError, ServerUnavailable
+from semap.store.database import connect, open_engine, translated
 from semap.store.events import StoredEvent, list_events, newest_event, read_stretch
 from semap_service.feed.selection import Selection
 from semap_service.routes.event_document import event_json
@@ -45,6 +45,7 @@ TICK_S = 1.0
 FIRST_RETRY_S = 0.05
 LAST_RETRY_S = 2.0
 STOP_S = 2.0
+ROLE = "semap_api"
 READERS = 4
 """Readers of the past at one time, so that a thousand who come back at once leave connections to others."""
 
@@ -127,6 +128,7 @@ class Feed:
         self._floor: int | None = None
         self._news = asyncio.Event()
         self._listener: psycopg.Connection | None = None
+        self._reading: Connection | None = None
         self._own_thread = ThreadPoolExecutor(1, "feed")
         self._readers = ThreadPoolExecutor(READERS, "feed reader")
 
@@ -286,20 +288,30 @@ class Feed:
         if self._listener is not None:
             self._listener.close()
             self._listener = None
+        if self._reading is not None:
+            self._reading.close()
+            self._reading.engine.dispose()
+            self._reading = None
 
     def _listen(self) -> psycopg.Connection:
-        self._listener = connect(self._dsn, "semap_api", application="semap feed")
+        self._listener = connect(self._dsn, ROLE, application="semap feed")
         with translated():
             self._listener.execute("listen semap_event")
+            # each look is one statement and no other: all events wait for every further turn to the server
+            engine = open_engine(self._dsn, ROLE, application="semap feed", size=1)
+            self._reading = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
         return self._listener
 
+    def _own_connection(self) -> Connection:
+        if self._reading is None:
+            raise ServerUnavailable("The feed of events has no connection.")
+        return self._reading
+
     def _newest(self) -> int:
-        with transaction(self._engine) as connection:
-            return newest_event(connection)
+        return newest_event(self._own_connection())
 
     def _new_entries(self) -> list[Entry]:
-        with transaction(self._engine) as connection:
-            events = list_events(connection, after=self.head, limit=BATCH)
+        events = list_events(self._own_connection(), after=self.head, limit=BATCH)
         return [Entry.of(event) for event in events]
 
 
