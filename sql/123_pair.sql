@@ -229,10 +229,10 @@ end $$;
 comment on function semap.record_pair_changes is
   'Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past.';
 
--- Part these things from all that they are paired with, as subjects, as objects or (null) as both, of these queries or
--- (null) of all; their members go. Gives the queries whose nearest ones have to be looked up again without them.
+-- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all;
+-- their members go. Gives the queries whose nearest ones have to be looked up again without them.
 create or replace function semap.part_pairs(
-  p_query_ids integer[], p_keys bigint[], p_is_object boolean, p_at timestamptz, p_cause semap.change_cause
+  p_query_ids integer[], p_subject_keys bigint[], p_object_keys bigint[], p_at timestamptz, p_cause semap.change_cause
 ) returns integer[]
 language plpgsql as $$
 declare
@@ -242,7 +242,7 @@ declare
 begin
   with gone as (
     delete from semap.pair
-    where (subject_key = any (p_keys) and p_is_object is not true or object_key = any (p_keys) and p_is_object is not false)
+    where (subject_key = any (p_subject_keys) or object_key = any (p_object_keys))
       and (p_query_ids is null or query_id = any (p_query_ids))
     returning *
   ), ended as (
@@ -258,7 +258,7 @@ begin
 
   with gone as (
     delete from semap.pair_member
-    where key = any (p_keys) and (p_is_object is null or is_object = p_is_object)
+    where (key = any (p_subject_keys) and not is_object or key = any (p_object_keys) and is_object)
       and (p_query_ids is null or query_id = any (p_query_ids))
     returning query_id, is_object
   )
@@ -275,7 +275,7 @@ create or replace function semap.let_tracks_go(p_track_ids bigint[], p_at timest
 returns void
 language plpgsql as $$
 declare
-  v_nearest  integer[] := semap.part_pairs(null, p_track_ids, null, p_at, p_cause);
+  v_nearest  integer[] := semap.part_pairs(null, p_track_ids, p_track_ids, p_at, p_cause);
 begin
   if v_nearest is not null then
     perform semap.record_pair_changes(semap.settle_pairs(

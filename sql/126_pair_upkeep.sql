@@ -9,16 +9,18 @@ declare
   v_nearest  integer[] := '{}';
 begin
   for v_gone in
-    select m.query_id, m.is_object, array_agg(m.key) as keys
+    select m.query_id, array_agg(m.key) filter (where not m.is_object) as subject_keys,
+           array_agg(m.key) filter (where m.is_object) as object_keys
     from semap.pair_member m
     where m.query_id = any (p_query_ids) and (p_keys is null or m.key = any (p_keys))
       and not exists (select from semap.pair_instance_wanted w
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.instance_id = m.instance_id)
       and not exists (select from semap.pair_track_wanted w join semap.track_now n using (track_id)
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.track_id = m.track_id and n.live)
-    group by m.query_id, m.is_object order by m.query_id, m.is_object
+    group by m.query_id order by m.query_id
   loop
-    v_nearest := v_nearest || semap.part_pairs(array[v_gone.query_id], v_gone.keys, v_gone.is_object, null, 'map');
+    v_nearest := v_nearest || semap.part_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys,
+                                               null, 'map');
   end loop;
   return v_nearest;
 end $$;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import atan2, cos, hypot, pi, sin
@@ -248,6 +248,7 @@ class PairOracle:
     def delete_track(self, name: str) -> None:
         if name in self.things:
             self._part({name}, None, "map")
+            self.things.pop(name)
         self.log = [each for each in self.log if name not in (each.subject, each.object)]
 
     def edit(self, name: str, thing: Thing | None) -> None:
@@ -256,11 +257,12 @@ class PairOracle:
         was = [before is not None and self._takes_part(before, side) for side in (False, True)]
         if thing is None:
             self._part({name}, None, "map")
+            self.things.pop(name, None)
             return
         now = [self._takes_part(thing, side) for side in (False, True)]
-        for side in (False, True):
-            if was[side] and not now[side]:
-                self._part({name}, None, "map", side)
+        lost = [side for side in (False, True) if was[side] and not now[side]]
+        if lost:
+            self._part({name}, None, "map", lost)
         self.things[name] = thing
         placed = before is not None and replace(before, chosen=thing.chosen) == thing
         if any(now) and (
@@ -274,12 +276,13 @@ class PairOracle:
         """The query asks this from now on."""
         old = self.asked
         self.asked = replace(old, predicate=asked.predicate)  # parting is by who takes part
-        for side in (False, True):
-            gone = {
-                thing.name for thing in self.things.values()
-                if PairOracle(old)._takes_part(thing, side) and not PairOracle(asked)._takes_part(thing, side)
-            }  # fmt: skip
-            self._end_pairs([key for key in self.pairs if key[side] in gone], None, "map")
+        before, after = PairOracle(old), PairOracle(asked)
+        gone = [
+            {thing.name for thing in self.things.values()
+             if before._takes_part(thing, side) and not after._takes_part(thing, side)}
+            for side in (False, True)
+        ]  # fmt: skip
+        self._end_pairs([key for key in self.pairs if key[0] in gone[0] or key[1] in gone[1]], None, "map")
         self.asked = asked
         self.came_from.clear()
         self._tell(self._compare(set(self.things), set(), None, "map"))
@@ -357,15 +360,16 @@ class PairOracle:
             self.pairs.pop((s.name, o.name), None)
         return found
 
-    def _part(self, names: set[str], at_us: int | None, cause: str, side: bool | None = None) -> None:
+    def _part(
+        self, names: set[str], at_us: int | None, cause: str, sides: Sequence[bool] = (False, True)
+    ) -> None:
+        """They leave these sides; what is nearest without them is so then."""
         self._end_pairs(
-            [key for key in self.pairs
-             if (side is not True and key[0] in names) or (side is not False and key[1] in names)],
-            at_us, cause,
-        )  # fmt: skip
+            [key for key in self.pairs if any(key[side] in names for side in sides)], at_us, cause
+        )
         for name in names:
             self._forget_line(name)
-        left_objects = side is not False and any(
+        left_objects = True in sides and any(
             self._takes_part(self.things[name], True) for name in names if name in self.things
         )
         gone = {name: self.things.pop(name) for name in names if name in self.things}
@@ -373,7 +377,7 @@ class PairOracle:
             everybody = {thing.name for thing in self._side(False)}
             again = self._compare(everybody, set(), at_us, "map" if cause == "map" else "moved")
             self._tell(again)
-        if side is not None:
+        if cause == "map":  # of an instance that is removed nothing is left; one that leaves a side stays
             self.things |= gone
 
     def _end_pairs(self, keys: list[tuple[str, str]], at_us: int | None, cause: str) -> None:
