@@ -30,25 +30,31 @@ begin
       where not exists (select from ranked r
                         where r.query_id = p.query_id and r.subject_key = p.subject_key and r.object_key = p.object_key);
   end if;
+  -- boxes alone are looked up: of the other conditions none fits an index. What moved finds the others as a subject, and as
+  -- an object those subjects that stood still.
   return query
     with moved as materialized (
-      select m.*, q.reach_m, q.predicate
-      from semap.pair_member m
-      cross join lateral (
-        select c.predicate, case when c.predicate in ('within_distance', 'approaching') then c.distance_m
-                                 when c.predicate = 'facing' then coalesce(c.distance_m, 'infinity')
-                                 else 0 end + 1e-9 as reach_m
-        from semap.continuous_query c where c.query_id = m.query_id offset 0) q
-      where m.key = any (p_keys) and m.query_id = any (p_query_ids) and q.predicate not in ('nearest', 'crosses')
+      select m.key, m.query_id, m.is_object, m.shape, q.reach_m,
+             semap.pair_box(st_xmin(m.shape) - q.reach_m, st_ymin(m.shape) - q.reach_m,
+                            st_xmax(m.shape) + q.reach_m, st_ymax(m.shape) + q.reach_m, m.query_id, not m.is_object) as box
+      from (
+        select c.query_id, case when c.predicate in ('within_distance', 'approaching') then c.distance_m
+                                when c.predicate = 'facing' then coalesce(c.distance_m, 'infinity')
+                                else 0 end + 1e-9 as reach_m,
+               exists (select from semap.pair_member s
+                       where s.query_id = c.query_id and not s.is_object and s.key <> all (p_keys)) as have_others
+        from semap.continuous_query c
+        where c.query_id = any (p_query_ids) and c.predicate not in ('nearest', 'crosses')
+      ) q
+      join semap.pair_member m on m.key = any (p_keys) and m.query_id = q.query_id
+      where not m.is_object or q.have_others
     )
     select m.query_id, case when m.is_object then o.key else m.key end, case when m.is_object then m.key else o.key end, false
     from moved m
     cross join lateral (
       select o.key from semap.pair_member o
-      where o.query_id = m.query_id and o.is_object = not m.is_object and o.key <> m.key
-        and o.box &&& semap.pair_box(st_xmin(m.shape) - m.reach_m, st_ymin(m.shape) - m.reach_m,
-                                     st_xmax(m.shape) + m.reach_m, st_ymax(m.shape) + m.reach_m, m.query_id, not m.is_object)
-        and st_dwithin(o.shape, m.shape, m.reach_m) offset 0) o
+      where o.box &&& m.box and o.query_id is not distinct from m.query_id and o.is_object is distinct from m.is_object
+        and o.key is distinct from m.key and st_dwithin(o.shape, m.shape, m.reach_m) offset 0) o
     where m.reach_m < 'infinity'
     union
     select m.query_id, case when m.is_object then o.key else m.key end, case when m.is_object then m.key else o.key end, false
@@ -81,7 +87,8 @@ declare
 begin
   select case when count(*) = p_count then max(st_distance(f.shape, p_shape)) end into v_within_m
   from (select o.shape from semap.pair_member o
-        where o.query_id = p_query_id and o.is_object and o.key <> p_key and o.shape is not null
+        where o.query_id is not distinct from p_query_id and o.is_object is not false and o.key <> p_key
+          and o.shape is not null
         order by o.box <<->> v_box limit p_count) f;
   v_within_m := least(v_within_m, p_distance_m);
   if v_within_m is null then
@@ -95,7 +102,7 @@ begin
                           st_xmax(p_shape) + v_within_m, st_ymax(p_shape) + v_within_m, p_query_id, true);
   return query
     select o.key from semap.pair_member o
-    where o.box &&& v_box and o.query_id = p_query_id and o.is_object and o.key <> p_key
+    where o.box &&& v_box and o.query_id is not distinct from p_query_id and o.is_object is not false and o.key <> p_key
       and st_distance(o.shape, p_shape) <= v_within_m
     order by st_distance(o.shape, p_shape), o.uid limit p_count;
 end $$;

@@ -157,6 +157,8 @@ begin
   with way as materialized (
     select m.key, m.query_id, m.map_id, m.stamp as from_stamp, st_x(m.place) as x1_m, st_y(m.place) as y1_m, m.z_min_m as z1_m,
            a.stamp, a.x_m as x2_m, a.y_m as y2_m, a.z_m as z2_m, q.dimensions, q.direction,
+           semap.pair_box(least(st_x(m.place), a.x_m), least(st_y(m.place), a.y_m), greatest(st_x(m.place), a.x_m),
+                          greatest(st_y(m.place), a.y_m), m.query_id, true) as box,
            a.stamp <= m.stamp + coalesce(q.longest_gap, '30 s')
            and sqrt((a.x_m - st_x(m.place)) ^ 2 + (a.y_m - st_y(m.place)) ^ 2)
                <= coalesce(q.fastest_mps, 30) * extract(epoch from a.stamp - m.stamp) as is_way
@@ -168,9 +170,7 @@ begin
     from way w
     cross join lateral (
       select * from semap.pair_member o
-      where o.query_id = w.query_id and o.is_object
-        and o.box &&& semap.pair_box(least(x1_m, x2_m), least(y1_m, y2_m), greatest(x1_m, x2_m), greatest(y1_m, y2_m),
-                                     w.query_id, true) offset 0) o
+      where o.box &&& w.box and o.query_id is not distinct from w.query_id and o.is_object is not false offset 0) o
     left join semap.pair p on p.query_id = w.query_id and p.subject_key = w.key and p.object_key = o.key
     cross join lateral semap.way_across(o.shape, x1_m, y1_m, x2_m, y2_m, p.inside) c
     where w.is_way
