@@ -206,6 +206,7 @@ declare
   v_step      record;
   v_verge     semap.verge;
   v_span      semap.replayed;
+  v_appears   boolean;
   v_decided   boolean;
   v_run       boolean;
   v_run_at    timestamptz;
@@ -280,16 +281,17 @@ begin
     end if;
 
     if p_late_from is not null then
-      v_decided := case when v_step.appears then v_step.side when v_step.enters then true when v_step.leaves then false end;
-      v_is_free := v_step.known_at > p_free_from
-                   or v_step.known_at = p_free_from and (v_step.part is null or v_step.appears);
+      -- whether the track appears with the first free state is a matter of what came before it
+      v_appears := v_step.appears and v_step.known_at is distinct from p_free_from;
+      v_decided := case when v_appears then v_step.side when v_step.enters then true when v_step.leaves then false end;
+      v_is_free := v_step.known_at > p_free_from or v_step.known_at = p_free_from and v_step.part is null;
       if v_decided is distinct from v_run or v_is_free and not v_was_free then
         v_run := v_decided;
         v_run_at := v_step.at;
       end if;
       v_was_free := v_is_free;
       if v_step.part is null
-         and (v_step.appears or v_step.is_last
+         and (v_appears or v_step.is_last
               or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
                                                when not v_decided then v_step.leave_confirm end)) then
         if v_step.known_at < p_late_from then

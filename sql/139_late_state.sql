@@ -58,17 +58,25 @@ $$;
 comment on function semap.standing_changes is
   'The changes of a track between two moments, the first not included, that were not taken back.';
 
--- The regions in which a track was at a moment, since when, and until when (null: until now).
+-- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).
+-- A boundary that was crossed at that very moment may have been known then, or only at a later state.
 create or replace function semap.held_at(p_track_id bigint, p_at timestamptz)
 returns table (query_id integer, instance_id bigint, since timestamptz, until timestamptz)
 language sql stable as $$
-  select query_id, instance_id, since, until from semap.relation_past
-  where track_id = p_track_id and tstzrange(since, until, '[]') @> p_at and until > p_at
-  union all
-  select query_id, instance_id, since, null from semap.relation where track_id = p_track_id and since <= p_at
+  select h.query_id, h.instance_id, h.since, h.until from (
+    select query_id, instance_id, since, until, map_id from semap.relation_past
+    where track_id = p_track_id and tstzrange(since, until, '[]') @> p_at
+    union all
+    select query_id, instance_id, since, null, map_id from semap.relation where track_id = p_track_id and since <= p_at
+  ) h
+  cross join lateral (
+    select case when p_at in (h.since, h.until) then array(
+      select c.kind from semap.standing_changes(h.map_id, p_track_id, p_at - interval '1 us', p_at) c
+      where c.query_id = h.query_id and c.instance_id = h.instance_id and c.edge_at = p_at) end as kinds) k
+  where (h.since < p_at or 'began' = any (k.kinds)) and (h.until > p_at or h.until is null or 'ended' <> all (k.kinds))
 $$;
 comment on function semap.held_at is
-  'The regions in which a track was at a moment, since when, and until when (null: until now).';
+  'The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).';
 
 -- The regions that these states of a track may concern, and what is known of it beside each before them: that it was in
 -- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in side_at.
