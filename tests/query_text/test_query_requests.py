@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -390,3 +392,13 @@ def test_answers_are_dropped_after_a_day_and_what_waits_stays(
     )
     maintain(world.dsn)
     assert states(writer) == [("new", "made"), ("waits", "waiting")]
+
+
+def test_the_process_of_the_rule_worker_answers(world: World, writer: psycopg.Connection) -> None:
+    process = subprocess.Popen([sys.executable, "-m", "semap_service", "work", "--dsn", world.dsn])
+    try:
+        assert writer.execute(MAKE, ["in_room", IN_ROOM]).fetchone() is not None
+    finally:
+        process.terminate()
+        assert process.wait(20) == 0
+    assert states(writer) == [("in_room", "made")]
