@@ -93,6 +93,7 @@ def test_who_is_where(service: Service) -> None:
         "since": since,
         "until": None,
         "duration_s": None,
+        "probability": None,
     }
     page = {"relations": [relation], "next": None}
     assert service.get("/relations", map="office", track="person", room="Room07") == page

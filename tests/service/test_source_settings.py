@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import shapely
 from running import Service
+from scipy.special import ndtr
 
 DEFAULTS = {"lateness_s": 0.0, "jump_m": 15.0, "jump_mps": 30.0}
 
@@ -90,3 +91,18 @@ def test_a_track_is_what_it_is_said_to_be(walked: Service) -> None:
     assert client.patch(where, json={"concept": None}).json()["concept"] is None
     assert client.get("/relations", params={"query": "forklifts"}).json()["relations"] == []
     assert client.patch("/tracks/999", json={"concept": None}).status_code == 404
+
+
+def test_a_relation_says_how_probable_it_is(walked: Service) -> None:
+    client = walked.client
+    for name, certainty in (("sure", {"enter": 0.9, "leave": 0.1}), ("plain", None)):
+        asked = {"map": "office", "name": name, "concept": "Room", "certainty": certainty}
+        client.post("/queries", json=asked).raise_for_status()
+    (track,) = client.get("/tracks").json()["tracks"]
+    walked.plain.execute("update semap.track_now set std_m = 1, x_m = 4")
+    page = client.get("/relations").json()["relations"]
+    told = {each["query"]: each["probability"] for each in page}
+    # half of it beyond the wall at x = 4; in y from 0 to 3, around 2
+    expected = (ndtr(0) - ndtr(-4)) * (ndtr(1) - ndtr(-2))
+    assert told == {"sure": pytest.approx(expected, abs=1e-9), "plain": None, "track_in_room": None}
+    assert client.get(f"/tracks/{track['id']}/rooms").json()["relations"] == page
