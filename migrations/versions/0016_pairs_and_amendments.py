@@ -159,7 +159,13 @@ CHANGE = (
     " where object_track_id is not null",
 )
 
+# How many live tracks a source has is asked of it alone, however many others its map has.
+TRACK_NOW = (
+    "drop index semap.track_now_live",
+    "create index track_now_live on semap.track_now (map_id, source_id) where live",
+)
+
 
 def upgrade() -> None:
-    for statement in (*QUERY, *CHANGE):
+    for statement in (*QUERY, *CHANGE, *TRACK_NOW):
         op.execute(statement)

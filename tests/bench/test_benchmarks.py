@@ -147,11 +147,8 @@ def test_what_is_lost_would_be_found(database: str) -> None:
 
 def test_latency_is_measured_at_each_rate(database: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(latency, "FLOOR", FLOOR)
-    rows = latency.measure(database, rates=(150, 6_000), round_s=2, rounds=2)
-    assert [(row["states_per_s"], row["sources"], row["batch"]) for row in rows] == [
-        (150, 1, 10),
-        (6_000, 2, 200),
-    ]
+    rows = latency.measure(database, rates=(6_000,), round_s=1.5, rounds=2)
+    assert [(row["states_per_s"], row["sources"], row["batch"]) for row in rows] == [(6_000, 2, 200)]
     for row in rows:
         assert row["events"] == row["events_in_the_log"]
     assert all(len(each.rounds) == 2 and min(each.rounds) > 0 for each in _figures(rows, "p50_ms"))
