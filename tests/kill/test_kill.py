@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event as Signal
@@ -38,7 +39,7 @@ LOGS = {
     " from semap.track_state s join semap.track t using (track_id) order by 1, 2",
 }
 ALL_MADE = """
-    select (select count(*) from semap.relation_change)
+    select (select count(*) from semap.relation_change where query_name = 'track_in_room')
            = (select count(*) from semap.event where rule_name = 'room_visits')
       and (select bool_and((p.watermarks #>> array['maps', s.map_id::text, 'released_us'])::bigint
                            = (extract(epoch from s.watermark) * 1000000)::bigint)
@@ -91,7 +92,7 @@ class Run:
     def replayed(self) -> bool:
         return self.processes["ingest"].poll() == 0
 
-    def finish(self) -> dict[str, list[tuple]]:
+    def finish(self, logs: dict[str, str] = LOGS) -> dict[str, list[tuple]]:
         """Wait until every change is an event, stop all, and read the logs."""
         deadline_s = time.monotonic() + PATIENCE_S
         while not (self.replayed() and self._all_made()):
@@ -100,7 +101,7 @@ class Run:
         self.processes["work"].terminate()
         assert self.processes["work"].wait(PATIENCE_S) == 0
         with connect(self.dsn) as connection:
-            return {name: connection.execute(statement).fetchall() for name, statement in LOGS.items()}
+            return {name: connection.execute(statement).fetchall() for name, statement in logs.items()}
 
     def _all_made(self) -> bool:
         with connect(self.dsn) as connection:
@@ -113,13 +114,16 @@ class Run:
             process.wait()
 
 
-def begin(cluster: Cluster, name: str, pace: str | None) -> Run:
+def begin(
+    cluster: Cluster, name: str, pace: str | None, prepare: Callable[[str], None] = lambda dsn: None, kind: type[Run] = Run
+) -> Run:
     cluster.create_database(name)
     migrate(cluster.dsn(name))
     bring_in(cluster.dsn(name), "office", read_building(FOLDER / "office.geojson"))
     with connect(cluster.dsn(name)) as connection:
         connection.execute(PAUSES, [json.dumps(STAYED)])
-    run = Run(cluster, cluster.dsn(name), pace)
+    prepare(cluster.dsn(name))
+    run = kind(cluster, cluster.dsn(name), pace)
     run.start("work")
     run.start("ingest")
     return run

@@ -56,9 +56,9 @@ def test_writers_an_editor_and_readers_for_long(world: World) -> None:
     print(f"{SECONDS:.0f} s: looked {looked} times, {dict(counts)},", world.one("select count(*) from semap.relation_change"), "changes")  # noqa: T201
     assert world.one("select deadlocks from pg_stat_database where datname = current_database()") == 0
     assert world.one("select count(*) from semap.track_state") == counts["states"]
-    assert counts["states"] > 100 * SECONDS
-    assert counts["handed over"] > SECONDS
-    assert world.one("select count(*) from semap.relation_change") > 10 * SECONDS
+    assert counts["states"] > 10 * SECONDS
+    assert counts["handed over"] > SECONDS / 10
+    assert world.one("select count(*) from semap.relation_change") > SECONDS
     assert world.one("select count(*) from semap.track where name not like (select name from semap.source s"
                      " where s.source_id = track.source_id) || '-%%'") > 0, "tracks are at other sources"  # fmt: skip
     assert differing(world.dsn) == []
