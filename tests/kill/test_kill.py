@@ -115,7 +115,11 @@ class Run:
 
 
 def begin(
-    cluster: Cluster, name: str, pace: str | None, prepare: Callable[[str], None] = lambda dsn: None, kind: type[Run] = Run
+    cluster: Cluster,
+    name: str,
+    pace: str | None,
+    prepare: Callable[[str], None] = lambda dsn: None,
+    kind: type[Run] = Run,
 ) -> Run:
     cluster.create_database(name)
     migrate(cluster.dsn(name))

@@ -54,7 +54,8 @@ class BusyRun(Run):
             super().start(name)
             return
         self.processes[name] = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("editing.py"))], env={**os.environ, "SEMAP_DSN": self.dsn}
+            [sys.executable, str(Path(__file__).with_name("editing.py"))],
+            env={**os.environ, "SEMAP_DSN": self.dsn},
         )
 
     def kill(self, name: str) -> None:
@@ -124,7 +125,8 @@ def test_careful_relations_survive_kills_while_the_map_is_edited() -> None:
             assert differing(run.dsn) == []
             with connect(run.dsn) as connection:
                 edited = connection.execute(
-                    "select count(*) from semap.relation_change where query_name = %s and cause = 'map'", [QUERY]
+                    "select count(*) from semap.relation_change where query_name = %s and cause = 'map'",
+                    [QUERY],
                 ).fetchone()
         finally:
             for run in runs:
@@ -133,6 +135,8 @@ def test_careful_relations_survive_kills_while_the_map_is_edited() -> None:
     assert min(kills.values()) >= KILLS // 10
     assert edited is not None
     assert edited[0] > 0
-    assert {name for name, *_ in undisturbed["relations"]} | {row[1] for row in undisturbed["changes"]} >= set(QUERIES)
+    assert {name for name, *_ in undisturbed["relations"]} | {
+        row[1] for row in undisturbed["changes"]
+    } >= set(QUERIES)
     for name in TOLD:
         assert disturbed[name] == undisturbed[name], name

@@ -146,6 +146,24 @@ def test_a_writer_and_who_deletes_or_ends_its_tracks_do_not_block_each_other(
         assert world.one("select count(*) from semap.relation_change") == 0
 
 
+def test_who_registers_a_source_and_who_deletes_its_map_do_not_block_each_other(world: World) -> None:
+    """The key of a new source holds its map's row; the regions, which its tracks need next, are held before that."""
+    with connect(world.dsn, autocommit=False) as writer, ThreadPoolExecutor() as pool:
+        (source_id,) = writer.execute(
+            "insert into semap.source (map_id, name) values (%s, 'new') returning source_id", [world.map_id]
+        ).fetchone()
+        deleting = pool.submit(world.run, "delete from semap.map")
+        with connect(world.dsn) as observer:
+            await_lock(observer)
+        writer.execute(
+            "insert into semap.track (uid, source_id, map_id, name) values (gen_random_uuid(), %s, %s, 't')",
+            [source_id, world.map_id],
+        )
+        writer.commit()
+        deleting.result(PATIENCE_S)
+    assert world.one("select count(*) from semap.track") == 0
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_writers_and_an_editor_at_once_leave_the_truth(world: World, seed: int) -> None:
     rooms = {f"room {i}": shapely.box(i * 4, 0, i * 4 + 4, 4) for i in range(3)}

@@ -68,7 +68,10 @@ class Done:
 
 
 def at_work(
-    work: Callable[[Shift, random.Random, dict[str, int]], None], shift: Shift, gate: Barrier, told: Queue[Done]
+    work: Callable[[Shift, random.Random, dict[str, int]], None],
+    shift: Shift,
+    gate: Barrier,
+    told: Queue[Done],
 ) -> None:
     """Run it when all are there, and tell of it, as the process that is started."""
     done = Done(shift.name)
@@ -85,7 +88,9 @@ def count(counts: dict[str, int], name: str, by: int = 1) -> None:
     counts[name] = counts.get(name, 0) + by
 
 
-def write(shift: Shift, dice: random.Random, counts: dict[str, int], tracks: int = 12, most: int = 60) -> None:
+def write(
+    shift: Shift, dice: random.Random, counts: dict[str, int], tracks: int = 12, most: int = 60
+) -> None:
     """Recording after recording of the tracks that are this source's now; at the end of some, tracks end or go on at
     another source."""
     own = [f"{shift.name}-{n}" for n in range(tracks)]
@@ -103,7 +108,14 @@ def write(shift: Shift, dice: random.Random, counts: dict[str, int], tracks: int
             recorded = walk(shift, dice, names, known)
             number += 1
             is_end = dice.random() < 0.15
-            plan = Plan(MAP, shift.name, "", f"{shift.name} {number}", dice.choice([1, 7, most, most]), keep_open=not is_end)
+            plan = Plan(
+                MAP,
+                shift.name,
+                "",
+                f"{shift.name} {number}",
+                dice.choice([1, 7, most, most]),
+                keep_open=not is_end,
+            )
             count(counts, "states", replay(shift.dsn, plan, recorded).states)
         if names and dice.random() < 0.7:
             hand_over(shift, dice, counts, dice.sample(names, min(len(names), dice.randint(1, 3))))
@@ -130,12 +142,23 @@ def walk(shift: Shift, dice: random.Random, names: list[str], known: dict[str, t
     rows = rows[np.argsort(rows[:, 1], kind="stable")]
     nothing = np.full(len(rows), np.nan)
     exact = np.where(np.arange(len(rows)) % 3 == 0, np.nan, 0.1)
-    return Tracks(tuple(names), rows[:, 0].astype(np.int64), rows[:, 1].astype(np.int64), rows[:, 2], rows[:, 3], nothing, exact)
+    return Tracks(
+        tuple(names),
+        rows[:, 0].astype(np.int64),
+        rows[:, 1].astype(np.int64),
+        rows[:, 2],
+        rows[:, 3],
+        nothing,
+        exact,
+    )
 
 
 def hand_over(shift: Shift, dice: random.Random, counts: dict[str, int], names: list[str]) -> None:
     with connect(shift.dsn, "semap_ingest") as connection:
-        others = [name for (name,) in connection.execute("select name from semap.source where name <> %s", [shift.name])]
+        others = [
+            name
+            for (name,) in connection.execute("select name from semap.source where name <> %s", [shift.name])
+        ]
         if others:
             connection.execute(
                 "select semap.hand_over_tracks(array(select track_id from semap.track join semap.source s using (source_id)"
@@ -213,7 +236,8 @@ def add_query(connection: psycopg.Connection, name: str) -> None:
 
 def change_query(connection: psycopg.Connection, dice: random.Random) -> None:
     connection.execute(
-        "update semap.continuous_query set enter_margin_m = %s where name = 'debounced'", [dice.choice([0.1, 0.3, 0.5])]
+        "update semap.continuous_query set enter_margin_m = %s where name = 'debounced'",
+        [dice.choice([0.1, 0.3, 0.5])],
     )
 
 
@@ -239,7 +263,9 @@ def read(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
         while not shift.is_over():
             with connection.transaction():
                 related = {row[0] for row in connection.execute("select track_id from semap.relation")}
-                live = {row[0] for row in connection.execute("select track_id from semap.track_now where live")}
+                live = {
+                    row[0] for row in connection.execute("select track_id from semap.track_now where live")
+                }
             assert related <= live
             count(counts, "read")
             Signal().wait(dice.uniform(0.02, 0.2))

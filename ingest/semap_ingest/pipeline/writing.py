@@ -59,7 +59,7 @@ MOVE_WATERMARKS = """
     where s.source_id = m.source_id and (s.watermark is null or s.watermark < m.stamp)
 """
 HOLD_REGIONS = "select semap.hold_regions()"
-"""Before any row: whoever deletes the map or the source holds the regions when it comes to the rows of a recording."""
+"""Before rows: who deletes the map or the source holds the regions when it comes to the recording's row."""
 COUNT_RESULTS = """
     update semap.recording set states_done = %s, finished_at = case when %s then clock_timestamp() end
     where recording_id = %s

@@ -27,12 +27,19 @@ REACH = timedelta(hours=1)
 
 SHAPES = ("footprint", "shape", "core", "reach")
 REGIONS = """
-    select r.*, st_asbinary(r.footprint) as footprint_wkb, st_asbinary(coalesce(r.shape, r.footprint)) as shape_wkb,
-           st_asbinary(r.core) as core_wkb, st_asbinary(r.reach) as reach_wkb
-    from semap.region r where r.map_id = %s and r.careful order by r.region_id
+    select region_id, query_id, format('%%s (%%s)', instance_name, query_name) as name, predicate, distance_m,
+           st_asbinary(footprint) as footprint, st_asbinary(coalesce(shape, footprint)) as shape,
+           st_asbinary(core) as core, st_asbinary(reach) as reach, z_min_m, z_max_m,
+           (extract(epoch from enter_confirm) * 1000000)::bigint as enter_confirm_us,
+           (extract(epoch from leave_confirm) * 1000000)::bigint as leave_confirm_us,
+           enter_stds, leave_stds, widest_std_m,
+           (extract(epoch from longest_gap) * 1000000)::bigint as longest_gap_us, fastest_mps,
+           subject is not null as is_chosen
+    from semap.region where map_id = %s and careful order by region_id
 """
 TRACKS = """
-    select p.*, k.name, t.first_stamp, s.jump_m, s.jump_mps, s.late_states,
+    select p.track_id, k.name, p.stamp, t.first_stamp, p.x_m, p.y_m, coalesce(p.z_m, 'NaN') as z_m,
+           coalesce(p.std_m, 'NaN')::float8 as std_m, s.jump_m, s.jump_mps, s.late_states > 0 as has_late,
            array(select query_id from semap.query_track q where q.track_id = p.track_id) as query_ids
     from semap.present_places(%s) p
     join semap.track_now t using (track_id)
@@ -45,17 +52,19 @@ MEMORIES = """
            n.track_id is not null as is_related, coalesce(v.held, n.track_id is not null) as held,
            coalesce(v.inside, n.track_id is not null) as inside, v.inside_at,
            coalesce(v.side, n.track_id is not null) as side, v.side_at
-    from (select n.* from semap.relation n join semap.region r using (region_id) where n.map_id = %s and r.careful) n
+    from (select n.* from semap.relation n join semap.region r using (region_id)
+          where n.map_id = %s and r.careful) n
     full join (select * from semap.verge where map_id = %s) v using (track_id, region_id)
 """
 STATES = """
-    select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m::float8, std_m::float8, is_last
+    select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m, std_m::float8, is_last
     from (
       select s.*, row_number() over (partition by s.track_id order by s.stamp desc) as back
       from semap.stored_state s
       join unnest(%(ids)s::bigint[], %(until)s::timestamptz[]) p (track_id, until) using (track_id)
       where s.stamp <= p.until
-        and s.stamp >= %(since)s and s.from_stamp > %(since)s::timestamptz - interval '30 min' and s.to_stamp >= %(since)s
+        and s.stamp >= %(since)s and s.from_stamp > %(since)s::timestamptz - interval '30 min'
+        and s.to_stamp >= %(since)s
     ) newest
     where back <= %(most)s order by track_id, stamp
 """
@@ -84,12 +93,15 @@ class _Track:
     track_id: int
     name: str
     stamp: datetime
-    place: tuple[float, float, float, float]
-    first_us: int | None
+    first_stamp: datetime | None
+    x_m: float
+    y_m: float
+    z_m: float
+    std_m: float
     jump_m: float | None
     jump_mps: float
     has_late: bool
-    query_ids: frozenset[int]
+    query_ids: list[int]
 
 
 def check_careful(
@@ -160,41 +172,19 @@ def _us(stamp: datetime | None) -> int | None:
     return None if stamp is None else to_us(stamp)
 
 
-def _span_us(span: timedelta | None) -> int | None:
-    return None if span is None else round(span / timedelta(microseconds=1))
-
-
 def _regions(connection: psycopg.Connection, map_id: int) -> list[CarefulRegion]:
     found = []
     with connection.cursor(row_factory=dict_row) as cursor:
         for row in cursor.execute(REGIONS, [map_id]):
-            shapes = shapely.from_wkb([row[f"{name}_wkb"] for name in SHAPES])  # None where there is none
+            shapes = shapely.from_wkb([row[name] for name in SHAPES])  # None where there is none
             shapely.prepare(shapes)
-            found.append(
-                CarefulRegion(
-                    row["region_id"], row["query_id"], f"{row['instance_name']} ({row['query_name']})", row["predicate"],
-                    shapes[0], shapes[1], row["distance_m"], shapes[2], shapes[3], row["z_min_m"], row["z_max_m"],
-                    _span_us(row["enter_confirm"]) or 0, _span_us(row["leave_confirm"]) or 0,
-                    row["enter_stds"], row["leave_stds"], row["widest_std_m"], _span_us(row["longest_gap"]), row["fastest_mps"],
-                    row["subject"] is not None,
-                )
-            )  # fmt: skip
+            found.append(CarefulRegion(**row | dict(zip(SHAPES, shapes, strict=True))))
     return found
 
 
 def _tracks(connection: psycopg.Connection, map_id: int) -> list[_Track]:
     with connection.cursor(row_factory=dict_row) as cursor:
-        return [
-            _Track(
-                row["track_id"], row["name"], row["stamp"], (row["x_m"], row["y_m"], _number(row["z_m"]), _number(row["std_m"])),
-                _us(row["first_stamp"]), row["jump_m"], row["jump_mps"], row["late_states"] > 0, frozenset(row["query_ids"]),
-            )
-            for row in cursor.execute(TRACKS, [map_id])
-        ]  # fmt: skip
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
+        return [_Track(**row) for row in cursor.execute(TRACKS, [map_id])]
 
 
 def _bounds(region: CarefulRegion) -> tuple[float, float, float, float]:
@@ -243,18 +233,18 @@ def _way(track: _Track, rows: list[tuple[Any, ...]]) -> Way:
     stamp_us = np.array(columns[0], dtype=np.int64)
     x_m, y_m, z_m, std_m = (np.array(column, dtype=np.float64) for column in columns[1:5])
     is_last = np.array(columns[5], dtype=np.bool_)
-    if stamp_us[-1] != to_us(track.stamp) or (x_m[-1], y_m[-1]) != track.place[:2]:
+    if stamp_us[-1] != to_us(track.stamp) or (x_m[-1], y_m[-1]) != (track.x_m, track.y_m):
         return _present(track)
     start = 0
     if track.jump_m is not None and len(stamp_us) > 1:
         far_m = np.hypot(np.diff(x_m), np.diff(y_m)) - track.jump_mps * np.diff(stamp_us) / 1e6
         start = int(np.flatnonzero(far_m > track.jump_m).max(initial=-1)) + 1
     kept = slice(start, None)
-    is_whole = start == 0 and len(stamp_us) < MOST_STATES and track.first_us == stamp_us[0]
+    is_whole = start == 0 and len(stamp_us) < MOST_STATES and _us(track.first_stamp) == stamp_us[0]
     return Way(stamp_us[kept], x_m[kept], y_m[kept], z_m[kept], std_m[kept], is_last[kept], is_whole)
 
 
 def _present(track: _Track) -> Way:
-    x_m, y_m, z_m, std_m = (np.array([value]) for value in track.place)
+    x_m, y_m, z_m, std_m = (np.array([value]) for value in (track.x_m, track.y_m, track.z_m, track.std_m))
     stamp_us = np.array([to_us(track.stamp)], dtype=np.int64)
     return Way(stamp_us, x_m, y_m, z_m, std_m, np.zeros(1, dtype=np.bool_), False)

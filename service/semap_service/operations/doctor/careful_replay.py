@@ -1,10 +1,11 @@
-"""Careful regions followed once more, state after state, in plain Python: which memories of a track could be right.
+"""Careful regions followed once more, in plain Python: which memories of a track may be right.
 
-What semap keeps of a track near a careful region (`verge`) depends on the way that the track came, and begins anew
-when the track appears, when the region is edited, and when its query begins to be about the track. When that was is not
-stored. So all beginnings are followed at once: the set of memories holds one for each state that may have been the
-first, and as many for what was before the first state that is known. A memory that is stored and is not among them
-cannot be right. Most states decide (deep inside, far outside), so that the set is small.
+What semap keeps of a track near a careful region (`verge`) depends on the way that the track came, and begins
+anew when the track appears, when the region is edited, and when its query begins to be about the track. When
+that was is not stored. So all beginnings are followed at once: the set of memories holds one for each state
+that may have been the first, and as many for what was before the first state that is known. A memory that is
+stored and is not among them cannot be right. Most states decide (deep inside, far outside), so that the set
+is small.
 
 Nothing here is shared with the triggers: shapes are asked of shapely, not of PostGIS. No I/O.
 """
@@ -29,7 +30,7 @@ NEAR_US = 2
 class Memory(NamedTuple):
     """As in semap.verge, with None for a moment that makes no difference any more.
 
-    inside_us  since when `inside` waits to be confirmed; UNKNOWN where that was before the first state that is known
+    inside_us  since when `inside` waits to be confirmed; UNKNOWN where that was before the first known state
     """
 
     held: bool

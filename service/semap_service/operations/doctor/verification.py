@@ -1,7 +1,7 @@
-"""`semap doctor --verify`: what must hold of relations, computed from nothing and compared with what is stored.
+"""`semap doctor --verify`: what must hold of relations, computed anew and compared with what is stored.
 
-One snapshot of the database is looked at, so that writers go on meanwhile and what is half done is not seen. With
-`repair`, what differs is made anew in one transaction for each map, which keeps writers out until it is done.
+One snapshot of the database is looked at, so that writers go on meanwhile and what is half done is not seen.
+With `repair`, what differs is made anew in one transaction for each map, which keeps writers out meanwhile.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ DIFFERENCES = sql.SQL("select count(*) over (), thing, stored, wanted from {}(%s
 
 @dataclass(frozen=True)
 class Comparison:
-    """Something that is stored, and the function that says where it differs (sql/500, 505); `rows` counts it."""
+    """Something that is stored, and the function that says where it differs (sql/500, 505).
+
+    rows  the statement that counts it
+    """
 
     name: str
     what: str
@@ -31,25 +34,29 @@ class Comparison:
     function: str
 
 
-COMPARISONS = (
-    Comparison("regions", "regions against the queries and the map", "select count(*) from semap.region where map_id = %s",
-               "region_differences"),
-    Comparison("grid", "cells and edges against their regions",
-               "select (select count(*) from semap.region_cell c where c.map_id = m.map_id)"
-               " + (select count(*) from semap.region_edge e where e.map_id = m.map_id) from semap.map m where m.map_id = %s",
-               "grid_differences"),
-    Comparison("subjects", "chosen tracks against the conditions of queries",
-               "select count(*) from semap.query_track where map_id = %s", "choice_differences"),
-    Comparison("presents", "presents of tracks against their newest states",
-               "select count(*) from semap.track where map_id = %s", "present_differences"),
-    Comparison("plain relations", "relations against footprints and heights",
-               "select count(*) from semap.relation where map_id = %s", "plain_differences"),
-    Comparison("held", "what presents and verges say against relations",
-               "select count(*) from semap.track_now where map_id = %s", "held_differences"),
-    Comparison("log", "relations against the folded log of changes",
-               "select count(*) from semap.relation_change where map_id = %s", "log_differences"),
-    Comparison("past", "stays that are over against the log",
-               "select count(*) from semap.relation_past where map_id = %s", "past_differences"),
+COUNT = "select count(*) from semap.{} where map_id = %s"
+GRID = (
+    "select (select count(*) from semap.region_cell c where c.map_id = m.map_id)"
+    " + (select count(*) from semap.region_edge e where e.map_id = m.map_id)"
+    " from semap.map m where m.map_id = %s"
+)
+COMPARISONS = tuple(
+    Comparison(*each)
+    for each in (
+        ("regions", "regions against the queries and the map", COUNT.format("region"), "region_differences"),
+        ("grid", "cells and edges against their regions", GRID, "grid_differences"),
+        ("subjects", "chosen tracks against the conditions of queries", COUNT.format("query_track"),
+         "choice_differences"),
+        ("presents", "presents of tracks against their newest states", COUNT.format("track"),
+         "present_differences"),
+        ("plain relations", "relations against footprints and heights", COUNT.format("relation"),
+         "plain_differences"),
+        ("held", "what presents and verges say against relations", COUNT.format("track_now"),
+         "held_differences"),
+        ("log", "relations against the folded log of changes", COUNT.format("relation_change"),
+         "log_differences"),
+        ("past", "stays that are over against the log", COUNT.format("relation_past"), "past_differences"),
+    )
 )  # fmt: skip
 
 
@@ -114,7 +121,8 @@ class Verification:
             wrong = self.wrong.get(name, [])
             with translated(), self.connection.transaction():
                 row = self.connection.execute(
-                    "select semap.repair_relations(map_id, %s::bigint[], %s::integer[]) from semap.map where name = %s",
+                    "select semap.repair_relations(map_id, %s::bigint[], %s::integer[])"
+                    " from semap.map where name = %s",
                     [[track for track, _ in wrong], [region for _, region in wrong], name],
                 ).fetchone()
             yield Repaired(name, row[0] if row else 0)
