@@ -305,7 +305,7 @@ def _check_parameters(declaration: Declaration) -> None:
     for name, (called, remedy) in PARAMETERS.items():
         value = getattr(declaration, name)
         if value is None and name in needed:
-            raise InvalidInput(f"{predicate} needs a {called}", remedy)
+            raise InvalidInput(f"{predicate} needs {'an' if called[0] in 'aeiou' else 'a'} {called}", remedy)
         if value is not None and name not in needed + taken:
             raise InvalidInput(f"{predicate} takes no {called}", "Leave it out.")
         if isinstance(value, int | float) and name != "distance_m" and value <= 0:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import shapely
+from made_relations import change, pair_query
 from rule_work import await_progress, running_worker
 from world import SECOND_US, World
 
@@ -249,3 +250,31 @@ def test_a_span_that_is_not_all_there_is_refused(scene: World) -> None:
     with pytest.raises(NotFound, match="no rule in force other"):
         recompute(scene.dsn, Plan(scene.name, at(0), at(10), rules=["other"]))
     assert recompute(scene.dsn, Plan(scene.name, at(0), at(10))).counts()["confirmed"] == 1
+
+
+def test_relations_of_pairs_count_as_they_were_noted(scene: World) -> None:
+    """Who was near whom is not computed again: its events stand, as do those of a pattern over both kinds."""
+    ann, bob = (("track", scene.add_track(name), name) for name in ("Ann", "Bob"))
+    query_id = pair_query(scene, "near", "track", "track")
+    for name, document in (
+        ("meetings", '{"input": "near", "emit": {"began": "met", "ended": "parted"}}'),
+        (
+            "met_before",
+            '{"input": ["near", "track_in_room"], "pattern": "M followed by E", "emit": "met_before",'
+            ' "define": {"M": "input = \'near\'", "E": "input = \'track_in_room\' and type = \'began\'"},'
+            ' "within": "20 s"}',
+        ),
+    ):
+        scene.run(
+            "insert into semap.rule (map_id, name, queries, declaration) values (%s, %s, %s, %s)",
+            scene.map_id, name, json.dumps({"near": query_id, "track_in_room": scene.query_id}), document,
+        )  # fmt: skip
+    first_s = DAY_US / SECOND_US
+    change(scene, query_id, "near", "began", ann, bob, first_s + 2)
+    change(scene, query_id, "near", "ended", ann, bob, first_s + 3, first_s + 2)
+    walk(scene, "cid", np.arange(0, 12.0), np.arange(0, 12.0) * 1.0 - 3.6)
+    complete(scene, 20)
+    kinds = ["met", "parted", "entered", "met_before", "left"]
+    assert sorted(row[0] for row in log(scene)) == sorted(kinds)
+    outcome = recompute(scene.dsn, Plan(scene.name, at(0), at(20)))
+    assert outcome.counts() == {"confirmed": 5, "amended": 0, "retracted": 0, "added": 0}

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from threading import Thread
 
 import shapely
+from made_relations import KINDS, Thing, at, change, hold, pair_query, sides
 from world import SECOND_US, World
 
-from semap.worker.query_watch import watch_query
+from semap.worker.query_watch import Delta, watch_query
 
 
 def test_a_watch_begins_with_what_holds_and_tells_each_change(world: World) -> None:
@@ -77,3 +79,42 @@ def test_a_watch_that_starts_while_others_write_misses_nothing(world: World) -> 
     assert kinds[0] == ("ended" if began is not None else "began")
     if began is not None:
         assert total - 1 - began == len(kinds)
+
+
+def test_a_watch_tells_either_kind_of_side_and_what_is_crossed(world: World) -> None:
+    """Relations by hand, of queries that rest."""
+    things: dict[str, list[Thing]] = {
+        "track": [("track", world.add_track(name), name) for name in ("ann", "bob")],
+        "instance": [
+            ("instance", world.add_room(name, shapely.box(0, 0, 1, 1)), name) for name in ("cup", "desk")
+        ],
+    }
+    for subject, object_ in KINDS:
+        name = f"{subject} {object_}"
+        query_id = pair_query(world, name, subject, object_)
+        a, b = things[subject][0], things[object_][1]
+        hold(world, query_id, a, b, 5)
+        deltas = watch_query(world.dsn, query_id)
+        held = next(deltas)
+        assert held is not None
+        assert (held.subject, held.object, held.kind, held.at) == (a[2], b[2], None, at(5))
+        assert ids(held) == sides(a, b, named=False)
+        assert next(deltas) is None
+        change(world, query_id, name, "ended", a, b, 9, 5, x_m=1.5, y_m=2.5)
+        change(
+            world, query_id, name, "crossed", a, b, 10, direction="right_to_left", door_id=1, door_name="gate"
+        )
+        ended, crossed = (told(deltas) for _ in range(2))
+        assert ids(ended) == ids(crossed) == sides(a, b, named=False)
+        assert (ended.kind, ended.at, ended.known, ended.x_m, ended.y_m) == ("ended", at(9), at(9), 1.5, 2.5)
+        assert (crossed.kind, crossed.direction, crossed.door) == ("crossed", "right_to_left", "gate")
+        deltas.close()
+
+
+def ids(delta: Delta) -> dict[str, int]:
+    names = ("track_id", "subject_instance_id", "instance_id", "object_track_id")
+    return {name: getattr(delta, name) for name in names if getattr(delta, name) is not None}
+
+
+def told(deltas: Iterator[Delta | None]) -> Delta:
+    return next(delta for delta in deltas if delta is not None)
