@@ -55,6 +55,7 @@ def test_every_endpoint_answers_as_published(service: Service, database: str) ->
         "/sources",
         "/relations",
         "/queries",
+        "/queries/1/result",
         "/rules",
         "/object-states",
         "/events",
@@ -119,8 +120,8 @@ def exercise_queries(service: Service) -> None:
     asked = {
         "name": "near",
         "predicate": "within_distance",
-        "subject": {"concept": None, "uids": None, "where": "source = 'tracker'"},
-        "object": {"concept": "Room", "uids": None, "where": "attributes.seats > 4 and name like 'R%'"},
+        "subject": {"kind": "track", "concept": None, "uids": None, "where": "source = 'tracker'"},
+        "object": {"kind": "instance", "concept": "Room", "uids": None, "where": "attributes.seats > 4 and name like 'R%'"},
         "distance_m": 1.5,
         "abstraction": "FootprintHull",
         "dimensions": 2,
