@@ -47,7 +47,7 @@ comment on function semap.states_around is
   'So many states of a track before a moment, and so many from it on, at most up to another one.';
 
 -- The changes of a track between two moments, the first not included, that were not taken back.
-create or replace function semap.standing_changes(p_map_id integer, p_track_id bigint, p_after timestamptz, p_to timestamptz)
+create or replace function semap.standing_changes_of_track(p_map_id integer, p_track_id bigint, p_after timestamptz, p_to timestamptz)
 returns setof semap.relation_change
 language sql stable as $$
   select * from semap.relation_change c
@@ -55,7 +55,7 @@ language sql stable as $$
     and c.amendment is distinct from 'retracted'
     and not exists (select from semap.relation_change d where d.retracts = c.uid)
 $$;
-comment on function semap.standing_changes is
+comment on function semap.standing_changes_of_track is
   'The changes of a track between two moments, the first not included, that were not taken back.';
 
 -- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).
@@ -71,7 +71,7 @@ language sql stable as $$
   ) h
   cross join lateral (
     select case when p_at in (h.since, h.until) then array(
-      select c.kind from semap.standing_changes(h.map_id, p_track_id, p_at - interval '1 us', p_at) c
+      select c.kind from semap.standing_changes_of_track(h.map_id, p_track_id, p_at - interval '1 us', p_at) c
       where c.query_id = h.query_id and c.instance_id = h.instance_id and c.edge_at = p_at) end as kinds) k
   where (h.since < p_at or 'began' = any (k.kinds)) and (h.until > p_at or h.until is null or 'ended' <> all (k.kinds))
 $$;
@@ -105,7 +105,7 @@ language sql stable as $$
     join semap.region r using (query_id, instance_id)
     union
     select r.region_id from span
-    cross join lateral semap.standing_changes(p_map_id, p_track_id, first_stamp, last_stamp) c
+    cross join lateral semap.standing_changes_of_track(p_map_id, p_track_id, first_stamp, last_stamp) c
     join semap.region r using (query_id, instance_id)
   ), formed as (
     select r.region_id, r.query_id, r.instance_id,
@@ -297,7 +297,7 @@ begin
   ), stood as (
     select s.region_id, c.uid, c.kind, c.cause, c.stamp, c.edge_at, c.since
     from (select min(from_stamp) as from_stamp, max(to_stamp) as to_stamp from sound) w
-    cross join lateral semap.standing_changes((p_now).map_id, (p_now).track_id, w.from_stamp, w.to_stamp) c
+    cross join lateral semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, w.from_stamp, w.to_stamp) c
     join sound s using (query_id, instance_id)
     where c.stamp > s.from_stamp and c.stamp <= s.to_stamp
   ), gone as (
@@ -315,7 +315,7 @@ begin
     select t.uid, row(s.region_id, t.kind, t.cause, t.stamp, t.edge_at, s.now_since, t.x_m, t.y_m)::semap.amended as change
     from sound s
     cross join lateral (
-      select * from semap.standing_changes((p_now).map_id, (p_now).track_id, s.to_stamp, 'infinity') c
+      select * from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, s.to_stamp, 'infinity') c
       where c.query_id = s.query_id and c.instance_id = s.instance_id and c.kind = 'ended' and c.edge_at = s.after_until
         and c.stamp >= s.after_until
       order by c.stamp limit 1) t
@@ -380,7 +380,7 @@ begin
       select max(late) into v_late_to from unnest(v_late[:c_most_late]) late where late <= v_last;
       select * into v_again from semap.arrivals_again(
         p_source, v_states, p_now, v_is_first,
-        array(select distinct stamp from semap.standing_changes((p_now).map_id, (p_now).track_id, v_first, v_last)
+        array(select distinct stamp from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, v_first, v_last)
               where cause = 'disappeared'
               union select (p_now).stamp where v_is_present and not (p_now).live),
         v_late_to);
