@@ -172,6 +172,7 @@ def by_hand(client: Client, folder: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_follower_misses_and_repeats_nothing_when_the_service_is_killed(serving: Serving) -> None:
     with Client(serving.url) as client:
         client.create_map("office")

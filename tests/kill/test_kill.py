@@ -133,9 +133,8 @@ def begin(
     return run
 
 
-@pytest.mark.parametrize(
-    ("wanted", "pace"), [(21, "3"), pytest.param(150, "0.4", marks=pytest.mark.slow)], ids=["21", "150"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("wanted", "pace"), [(21, "3"), (150, "0.4")], ids=["21", "150"])
 def test_kills_at_random_moments_change_nothing(wanted: int, pace: str) -> None:
     dice = random.Random(20_260_131)
     with reachable_folder() as folder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from plan import Plan
 from playwright.sync_api import Locator, Page, expect
 from served import Office, Served
@@ -67,6 +68,7 @@ def test_scrub_back_and_return_to_live(plan: Plan, office: Office) -> None:
     expect(who_is_here(page)).to_contain_text("Lab")
 
 
+@pytest.mark.slow
 def test_a_killed_service_is_awaited(page: Page, page_database: str, fails_requests: None) -> None:
     own = Served(page_database)
     try:

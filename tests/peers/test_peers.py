@@ -56,6 +56,7 @@ def test_the_raster_puts_states_on_edges_and_into_two_rooms() -> None:
     assert max(sum(shapely.contains(room, points).astype(int) for room in ROOMS)) == 2
 
 
+@pytest.mark.slow
 def test_semap_and_the_row_trigger_find_what_shapely_finds(database: str) -> None:
     with connect(database) as connection:
         triggers, crowd = side_by_side.begin_triggers(connection, "floor", ROOMS, PLACES, FRAMES)

@@ -275,7 +275,7 @@ def play(dsn: str, edits: list[tuple]) -> None:
         model.compare()
 
 
-@settings(PLAYS, max_examples=40)
+@settings(PLAYS, max_examples=12)
 @given(edits=st.lists(EDIT, min_size=4, max_size=14))
 def test_edits_leave_what_is_computed_from_nothing(database: str, edits: list[tuple]) -> None:
     play(database, edits)
@@ -288,7 +288,7 @@ def test_many_edits_leave_what_is_computed_from_nothing(database: str, edits: li
     play(database, edits)
 
 
-@settings(PLAYS, max_examples=25)
+@settings(PLAYS, max_examples=8)
 @given(before=st.lists(EDIT, min_size=3, max_size=10), edits=st.lists(EDIT, min_size=1, max_size=6))
 def test_undo_of_any_edits_gives_back_the_map(database: str, before: list[tuple], edits: list[tuple]) -> None:
     with one_transaction(database) as connection:

@@ -46,7 +46,7 @@ step = st.one_of(
 
 
 QUICK = settings(
-    max_examples=80,
+    max_examples=40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

@@ -72,7 +72,7 @@ def expected(case: Case) -> list[Found]:
         raise
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(cases)
 def test_it_finds_what_the_enumerator_finds(case: Case) -> None:
     agree(run(compiled(case), case.rows), expected(case))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import httpx
+import pytest
 from lasting import answers, serving, until
 from receiving import Receiver
 from standardwebhooks.webhooks import Webhook
@@ -20,6 +21,7 @@ EVENT = """
 """
 
 
+@pytest.mark.slow
 def test_another_goes_on_when_the_deliverer_is_killed(database: str) -> None:
     receiver = Receiver()
     with connect(database) as plain, serving(database) as (first, _):
