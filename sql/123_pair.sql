@@ -33,19 +33,20 @@ begin
   -- boxes alone are looked up: of the other conditions none fits an index. What moved finds the others as a subject, and as
   -- an object those subjects that stood still.
   return query
-    with moved as materialized (
+    with asked as materialized (
+      select c.query_id, case when c.predicate in ('within_distance', 'approaching') then c.distance_m
+                              when c.predicate = 'facing' then coalesce(c.distance_m, 'infinity')
+                              else 0 end + 1e-9 as reach_m,
+             (select count(*) from semap.pair_member s where s.query_id = c.query_id and not s.is_object)
+             > (select count(*) from semap.pair_member s
+                where s.key = any (p_keys) and s.query_id = c.query_id and not s.is_object) as have_others
+      from semap.continuous_query c
+      where c.query_id = any (p_query_ids) and c.predicate not in ('nearest', 'crosses')
+    ), moved as materialized (
       select m.key, m.query_id, m.is_object, m.shape, q.reach_m,
              semap.pair_box(st_xmin(m.shape) - q.reach_m, st_ymin(m.shape) - q.reach_m,
                             st_xmax(m.shape) + q.reach_m, st_ymax(m.shape) + q.reach_m, m.query_id, not m.is_object) as box
-      from (
-        select c.query_id, case when c.predicate in ('within_distance', 'approaching') then c.distance_m
-                                when c.predicate = 'facing' then coalesce(c.distance_m, 'infinity')
-                                else 0 end + 1e-9 as reach_m,
-               exists (select from semap.pair_member s
-                       where s.query_id = c.query_id and not s.is_object and s.key <> all (p_keys)) as have_others
-        from semap.continuous_query c
-        where c.query_id = any (p_query_ids) and c.predicate not in ('nearest', 'crosses')
-      ) q
+      from asked q
       join semap.pair_member m on m.key = any (p_keys) and m.query_id = q.query_id
       where not m.is_object or q.have_others
     )
@@ -132,8 +133,13 @@ begin
            case when q.predicate = 'nearest' then not c.is_nearest else r.leaves end as leaves
     from semap.pair_candidates(p_query_ids, p_keys) c
     join semap.continuous_query q on q.query_id = c.query_id
-    join semap.pair_member s on s.key = c.subject_key and s.query_id = c.query_id and not s.is_object
-    join semap.pair_member o on o.key = c.object_key and o.query_id = c.query_id and o.is_object
+    -- members are looked up by what they are, whatever was known of the table when this was planned
+    cross join lateral (select * from semap.pair_member m
+                        where m.key = c.subject_key and m.query_id is not distinct from c.query_id
+                          and m.is_object is not true offset 0) s
+    cross join lateral (select * from semap.pair_member m
+                        where m.key = c.object_key and m.query_id is not distinct from c.query_id
+                          and m.is_object is not false offset 0) o
     left join semap.pair p
       on p.query_id = c.query_id and p.subject_key = c.subject_key and p.object_key = c.object_key
     cross join lateral (
@@ -205,9 +211,11 @@ begin
     from unnest(p_changes) with ordinality
       as c (query_id, subject_key, object_key, kind, cause, stamp, edge_at, since, x_m, y_m, direction, place)
     cross join lateral (select * from semap.pair_member m
-                        where m.key = c.subject_key and m.query_id = c.query_id and not m.is_object offset 0) s
+                        where m.key = c.subject_key and m.query_id is not distinct from c.query_id
+                          and m.is_object is not true offset 0) s
     cross join lateral (select * from semap.pair_member m
-                        where m.key = c.object_key and m.query_id = c.query_id and m.is_object offset 0) o
+                        where m.key = c.object_key and m.query_id is not distinct from c.query_id
+                          and m.is_object is not false offset 0) o
   ), changed as (
     insert into semap.relation_change (
       uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
