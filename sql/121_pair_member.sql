@@ -13,7 +13,8 @@ language sql as $$ select pg_advisory_xact_lock(7373, p_map_id) $$;
 comment on function semap.hold_pairs is
   'Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.';
 
--- A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them.
+-- A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them. It is
+-- thick, since the index keeps boxes together by their volumes.
 create or replace function semap.pair_box(
   p_x_min_m double precision, p_y_min_m double precision, p_x_max_m double precision, p_y_max_m double precision,
   p_query_id integer, p_is_object boolean
@@ -21,7 +22,7 @@ create or replace function semap.pair_box(
 language sql immutable parallel safe as $$
   select public.st_makeline(
     public.st_makepoint(p_x_min_m, p_y_min_m, (2 * p_query_id::double precision + p_is_object::integer) * 1e8),
-    public.st_makepoint(p_x_max_m, p_y_max_m, (2 * p_query_id::double precision + p_is_object::integer) * 1e8))
+    public.st_makepoint(p_x_max_m, p_y_max_m, (2 * p_query_id::double precision + p_is_object::integer + 0.25) * 1e8))
 $$;
 comment on function semap.pair_box is
   'A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them.';
