@@ -213,9 +213,7 @@ class PairOracle:
     def _takes_part(self, thing: Thing, is_object: bool) -> bool:
         kind = self.asked.object_kind if is_object else self.asked.subject_kind
         only = self.asked.chosen_objects if is_object else self.asked.chosen_subjects
-        return (
-            self.asked.enabled and thing.is_track == (kind == "track") and (thing.chosen or not only)
-        )
+        return self.asked.enabled and thing.is_track == (kind == "track") and (thing.chosen or not only)
 
     def _side(self, is_object: bool) -> list[Thing]:
         return [thing for thing in self.things.values() if self._takes_part(thing, is_object)]

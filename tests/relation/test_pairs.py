@@ -370,7 +370,7 @@ def play(town: Town, dice: random.Random, steps: int) -> None:
 
 
 QUICK = settings(
-    max_examples=60,
+    max_examples=40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
