@@ -31,3 +31,38 @@ begin
 end $$;
 comment on function semap.commit_recompute is
   'Commit what a run of the batch layer found, all or nothing.';
+
+-- Retract the events of a map that rest on what these late rows say was taken back, and what rests on those. The verdicts are
+-- those of a run of their own. Gives how many events there are.
+create or replace function semap.retract_events(p_map_id integer, p_late_row_ids bigint[]) returns integer
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_event_ids  uuid[];
+  v_run_id     integer;
+begin
+  with recursive void as (
+    select v.event_id
+    from semap.late_row l
+    join semap.relation_change c on c.uid::text = l.uid::text and c.retracts is not null
+    join semap.event_evidence v on v.uid = c.retracts and v.source = 'relation'
+    where l.map_id = p_map_id and l.late_row_id = any (p_late_row_ids)
+    union
+    select v.event_id from void join semap.event_evidence v on v.uid = void.event_id and v.source = 'event'
+  )
+  select array_agg(event_id) into v_event_ids from void;
+  if v_event_ids is null then
+    return 0;
+  end if;
+  insert into semap.recompute_run (map_id, from_stamp, to_stamp, settings, started_at, finished_at, counts)
+  select p_map_id, min(stamp), max(stamp), '{"late_rows": true}', clock_timestamp(), clock_timestamp(),
+         jsonb_build_object('retracted', count(*))
+  from semap.event where event_id = any (v_event_ids)
+  returning run_id into v_run_id;
+  insert into semap.event_amendment as a (event_id, verdict, run_id)
+  select event_id, 'retracted', v_run_id from unnest(v_event_ids) event_id join semap.event using (event_id)
+  on conflict (event_id) do update
+  set verdict = 'retracted', by_event_id = null, run_id = v_run_id, amended_at = clock_timestamp();
+  return cardinality(v_event_ids);
+end $$;
+comment on function semap.retract_events is
+  'Retract the events of a map that rest on what these late rows say was taken back, and what rests on those.';

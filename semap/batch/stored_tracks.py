@@ -32,9 +32,10 @@ TRACKS = f"""
       order by track_id, stamp desc
     ), noted as (
       select distinct on (track_id) track_id, stamp, cause = 'disappeared' as is_last
-      from semap.relation_change
-      where stamp < %(start)s and track_id = any (%(track_ids)s)
-      order by track_id, change_id desc
+      from semap.relation_change c
+      where stamp < %(start)s and track_id = any (%(track_ids)s) and amendment is distinct from 'retracted'
+        and not exists (select from semap.relation_change d where d.retracts = c.uid)
+      order by track_id, stamp desc, is_last desc, change_id desc
     )
     select t.track_id, t.name, t.uid, case when t.ended_at < %(end)s then t.ended_at end,
            not coalesce(case when n.stamp >= s.stamp then n.is_last end, s.is_last, n.is_last, true)

@@ -8,3 +8,5 @@ Kind = Literal["began", "ended", "crossed"]
 Cause = Literal["moved", "appeared", "disappeared", "map"]
 Direction = Literal["left_to_right", "right_to_left"]
 """Seen along a line, in the order of its vertices."""
+Amendment = Literal["added", "retracted"]
+"""Of the past, since states came late."""

@@ -1,6 +1,7 @@
 """Stored history as the rows that a rule reads: changes of relations, states of objects, events of rules.
 
-Changes of the map are not among them: history keeps what was changed, but not when it was committed.
+Changes of the map are not among them: history keeps what was changed, but not when it was committed. Nor are
+changes of relations that were taken back.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ STATEMENTS: Mapping[Source, str] = {
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s)
           and c.stamp between %(first)s and %(last)s and c.received_at >= %(received_from)s
           and (c.change_id <= %(change_id)s or %(change_id)s is null)
+          and c.amendment is distinct from 'retracted'
+          and not exists (select from semap.relation_change d where d.retracts = c.uid
+                          and (d.change_id <= %(change_id)s or %(change_id)s is null))
     """,  # noqa: S608  (a constant)
     "object_state": """
         select o.uid::text, o.property, o.value, b.value as previous, o.instance_id::text, o.instance_name,
@@ -65,7 +69,11 @@ HELD: Mapping[Source, str] = {
         from semap.relation_change c
         where c.map_id = %(map_id)s and c.query_name = any (%(names)s) and c.stamp < %(first)s
           and c.kind <> 'crossed' and (c.change_id <= %(change_id)s or %(change_id)s is null)
-        order by query_id, track_id, subject_instance_id, instance_id, object_track_id, c.change_id desc
+          and c.amendment is distinct from 'retracted'
+          and not exists (select from semap.relation_change d where d.retracts = c.uid
+                          and (d.change_id <= %(change_id)s or %(change_id)s is null))
+        order by query_id, track_id, subject_instance_id, instance_id, object_track_id, c.stamp desc,
+                 c.edge_at desc, c.cause = 'disappeared' desc, c.change_id desc
     """,  # noqa: S608  (a constant)
     "object_state": """
         select distinct on (c.instance_id, c.property)

@@ -1,8 +1,9 @@
 """Rows that came too late are given to the rules after all: events that lack for want of them are added.
 
 Each rule runs again over the span that late rows affect, and over what it looks back on before. What it finds
-there and the log lacks is added. The states of live rules stay as they are, and so do events that a late row
-would have prevented; those are for a recomputation to retract. The same again adds nothing.
+there and the log lacks is added. Events of which the evidence was taken back, after late states, are
+retracted. The states of live rules stay as they are, and so do events that a late row would have prevented;
+those are for a recomputation to retract. The same again adds nothing.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ def replay_late(dsn: str, map_name: str | None = None) -> Replay:
         late = connection.execute(LATE, [WORKER, map_name, map_name]).fetchall()
         for map_id, first, ids, released_us in late:
             events += _replay(connection, map_id, to_us(first), released_us)
+            connection.execute("select semap.retract_events(%s, %s)", [map_id, ids])
             connection.execute(
                 "update semap.late_row set replayed_at = clock_timestamp() where late_row_id = any (%s)",
                 [ids],

@@ -8,7 +8,7 @@ from datetime import datetime
 
 import psycopg
 
-from semap.model.relation import Cause, Direction, Kind
+from semap.model.relation import Amendment, Cause, Direction, Kind
 from semap.replication.pgoutput import Change
 from semap.replication.snapshot import begin_at_snapshot
 from semap.replication.stream import start
@@ -35,6 +35,8 @@ class Delta:
     x_m, y_m   where it was crossed, if that is known [m, map frame]
     direction  of a line that was crossed, seen along it
     door       by which it came in or went out, if that is known
+    amendment  of a change of the past, since states came late: it is `added`, or what was told is
+               `retracted`
     """
 
     kind: Kind | None
@@ -53,6 +55,7 @@ class Delta:
     y_m: float | None = None
     direction: Direction | None = None
     door: str | None = None
+    amendment: Amendment | None = None
 
     @property
     def subject(self) -> str:
@@ -132,4 +135,5 @@ def _delta(change: Change) -> Delta:
         metres("y_m"),
         row["direction"],  # type: ignore[arg-type]
         row["door_name"],
+        row.get("amendment"),  # type: ignore[arg-type]
     )

@@ -29,9 +29,11 @@ from semap.worker.stretch import Stretch
 SINCE = {
     "relation_change": f"""
         select map_id::text, {RELATION_COLUMNS},
+               retracts::text,
                case when c.received_at > p.updated_at then 't' else 'f' end as is_new
         from semap.relation_change c, semap.progress p
         where p.worker = %(worker)s and c.received_at > p.updated_at - interval '10 minutes'
+          and not exists (select from semap.relation_change d where d.retracts = c.uid)
         order by c.change_id
     """,  # noqa: S608  (a constant)
     "object_state": """
@@ -148,7 +150,8 @@ def _rows(connection: psycopg.Connection, progress: Progress) -> tuple[list[tupl
             if row is None:
                 continue
             if change.row["is_new"] == "f" and row.stamp_us <= progress.engine.released_us(map_id):
-                taken.append((map_id, row))
+                if change.row.get("retracts") is None:
+                    taken.append((map_id, row))
             else:
                 missed.append(change)
     return taken, missed

@@ -127,7 +127,11 @@ class Stretch:
         if read is None or change.operation != "insert":
             return
         row = row or read(change.row, self.progress.facts)
-        self._events += self.progress.engine.arrive(integer_of(change.row, "map_id"), row)
+        map_id, retracts = integer_of(change.row, "map_id"), change.row.get("retracts")
+        if retracts is not None:
+            self.progress.engine.retract(map_id, retracts, row)
+        else:
+            self._events += self.progress.engine.arrive(map_id, row)
 
     def _map_changed(self, instance_id: int, kind: str, committed_at_us: int) -> None:
         known = self.progress.facts.of(instance_id)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 from uuid import uuid4
 
-import pytest
 from careful_oracle import Asked, Follower, Sample
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
@@ -14,7 +13,8 @@ from test_oracle import BANDS, SHAPES
 from world import World
 
 QUICK = settings(
-    max_examples=6, phases=[Phase.generate],
+    max_examples=6,
+    phases=[Phase.generate],
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

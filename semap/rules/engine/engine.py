@@ -10,6 +10,7 @@ The engine promises:
 - the same rows give the same events with the same ids, in whatever order they arrive within the lateness of
   their sources, wherever watermarks cut them, and wherever the engine is stored and restored in between;
 - a row that comes later than that is not taken, but given out as late;
+- a row that is taken back while it waits has never been; later, that it was taken back is given out as late;
 - an unforeseen error in a rule puts that rule out of force, logged by its name, and the others go on.
 
 `changes` says what is to be stored so that `restore` gives an engine that goes on in the same way. Nothing is
@@ -130,6 +131,16 @@ class Engine:
         if on_map.failed:
             self._forget_failed(on_map)
         return events
+
+    def retract(self, map_id: int, uid: str, row: Row) -> None:
+        """A row that has come was none. It is taken out where it waits; where rules took it, this is late.
+
+        uid  of that row
+        row  says so, with an identity of its own
+        """
+        on_map = self._maps.get(map_id)
+        if on_map is not None:
+            on_map.retract(uid, row)
 
     def watermark(self, map_id: int, source_id: int, stamp_us: int, lateness_us: int = 0) -> None:
         """A source has given all its rows up to here, but for those late by less than its lateness."""

@@ -103,6 +103,14 @@ class MapEngine:
         runs = self._flow.plan.at_once[row.source].get(name)  # type: ignore[call-overload]
         return self._at_once(runs, row) if runs else []
 
+    def retract(self, uid: str, row: Row) -> None:
+        """A row that has come was none: it waits no more. Where rules took it, `row` says so, and is late."""
+        name = row.values["input"]
+        has_waited = self.waiting.take_back(uid)
+        is_taken = name in self._waits[row.source] and not has_waited
+        if is_taken or self._flow.plan.at_once[row.source].get(name):  # type: ignore[call-overload]
+            self.late.append(Late(self.map_id, row, self.sources.released_us))
+
     def _at_once(self, runs: Iterable[RuleRun], row: Row) -> list[Event]:
         events = []
         for run in runs:

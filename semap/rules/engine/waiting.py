@@ -30,6 +30,14 @@ class Waiting:
         if self._earliest_us is None or row.stamp_us < self._earliest_us:
             self._earliest_us = row.stamp_us
 
+    def take_back(self, uid: str) -> bool:
+        """Whether this row waited; it does no more."""
+        if uid in self._stored:
+            del self._stored[uid]
+            self._removed.append(uid)
+            return True
+        return self._new.pop(uid, None) is not None
+
     def load(self, row: Row) -> None:
         """Take a row that is stored."""
         self._stored[row.uid] = row

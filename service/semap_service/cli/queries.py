@@ -195,6 +195,7 @@ def watch(
 
     `=` holds, `+` began, `-` ended, `x` crossed a line; when the boundary was crossed and, if that was later,
     when it was known.
+    Where states came late, changes of the past are `added`, and some that were told before `retracted`.
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import find_query  # noqa: PLC0415
@@ -223,4 +224,5 @@ def _line(delta: Delta) -> str:
         known = f"  (known {clock(delta.known)})"
     direction = "" if delta.direction is None else f"  {delta.direction.replace('_', ' ')}"
     cause = "" if delta.cause in (None, "moved") else f"  {delta.cause}"
-    return f"{sign} {at}  {delta.subject}  {delta.object}{direction}{cause}{known}"
+    amendment = "" if delta.amendment is None else f"  ({delta.amendment})"
+    return f"{sign} {at}  {delta.subject}  {delta.object}{direction}{cause}{known}{amendment}"
