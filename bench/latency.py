@@ -37,7 +37,7 @@ RATES = (1_000, 10_000, 30_000)
 TRACKS_AT_MOST = 200
 ROUNDS = 5
 ROUND_S = 8.0
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 FLOOR = Floor(40, 25)
 
 
@@ -92,10 +92,10 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
         ).fetchone() or (0,)
     delays_ms: list[list[float]] = [[] for _ in range(rounds + 1)]
     for stamp_us, at_s in received:
-        delays_ms[_round(stamp_us, round_s)].append((at_s - sent.begun_s[stamp_us]) * 1e3)
+        delays_ms[_round(stamp_us, round_s, rounds)].append((at_s - sent.begun_s[stamp_us]) * 1e3)
     late_ms: list[list[float]] = [[] for _ in range(rounds + 1)]
     for stamp_us, late in sent.late_ms.items():
-        late_ms[_round(stamp_us, round_s)].append(late)
+        late_ms[_round(stamp_us, round_s, rounds)].append(late)
     return {
         "states_per_s": round(sum(len(each.track_ids) for each in sources) * RATE_HZ),
         "sources": len(sources),
@@ -107,8 +107,9 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
     }
 
 
-def _round(stamp_us: int, round_s: float) -> int:
-    return int((stamp_us - FIRST_US) / 1e6 / round_s)
+def _round(stamp_us: int, round_s: float, last: int) -> int:
+    """What other sources send after the last frame of the first is of the last round."""
+    return min(int((stamp_us - FIRST_US) / 1e6 / round_s), last)
 
 
 def _sources(connection: psycopg.Connection, name: str, states_per_s: int, frames: int) -> list[Source]:
