@@ -37,22 +37,25 @@ create or replace function semap.calm_rectangle(
   x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision, std_m real
 )
 language sql stable parallel safe as $$
-  select greatest(floor(p_x_m / p_cell_m) * p_cell_m,
-                  max(case when dx_m <= 0 and dy_m <= 0 then 'infinity'
-                           when dx_m >= dy_m and e.x_max_m <= p_x_m then e.x_max_m + wide_m end)),
-         least((floor(p_x_m / p_cell_m) + 1) * p_cell_m,
-               min(case when dx_m >= dy_m and e.x_min_m >= p_x_m then e.x_min_m - wide_m end)),
-         greatest(floor(p_y_m / p_cell_m) * p_cell_m,
-                  max(case when dx_m < dy_m and e.y_max_m <= p_y_m then e.y_max_m + wide_m end)),
-         least((floor(p_y_m / p_cell_m) + 1) * p_cell_m,
-               min(case when dx_m < dy_m and e.y_min_m >= p_y_m then e.y_min_m - wide_m end)),
-         case when max(e.stds) > 0 then coalesce(p_std_m, 0) * 1.25 + 0.01 else 'infinity' end::real
-  from semap.region_edge e,
-       lateral (select case when e.stds = 0 then 0 else e.stds * (coalesce(p_std_m, 0) * 1.25 + 0.01) end as wide_m) w,
-       lateral (select greatest(e.x_min_m - p_x_m, p_x_m - e.x_max_m, 0) - wide_m as dx_m,
-                       greatest(e.y_min_m - p_y_m, p_y_m - e.y_max_m, 0) - wide_m as dy_m) d
-  where e.map_id = p_map_id
-    and e.cell_x = floor(p_x_m / p_cell_m)::integer and e.cell_y = floor(p_y_m / p_cell_m)::integer
+  select greatest(floor(p_x_m / p_cell_m) * p_cell_m, max(x_min_m)), least((floor(p_x_m / p_cell_m) + 1) * p_cell_m, min(x_max_m)),
+         greatest(floor(p_y_m / p_cell_m) * p_cell_m, max(y_min_m)), least((floor(p_y_m / p_cell_m) + 1) * p_cell_m, min(y_max_m)),
+         case when max(stds) > 0 then coalesce(p_std_m, 0) * 1.25 + 0.01 else 'infinity' end::real
+  from (
+    select stds,
+           case when dx_m <= 0 and dy_m <= 0 then 'infinity'
+                when dx_m >= dy_m and x_max_m <= p_x_m then x_max_m + wide_m end as x_min_m,
+           case when dx_m >= dy_m and x_min_m >= p_x_m then x_min_m - wide_m end as x_max_m,
+           case when dx_m < dy_m and y_max_m <= p_y_m then y_max_m + wide_m end as y_min_m,
+           case when dx_m < dy_m and y_min_m >= p_y_m then y_min_m - wide_m end as y_max_m
+    from (
+      select e.*, wide_m, greatest(e.x_min_m - p_x_m, p_x_m - e.x_max_m, 0) - wide_m as dx_m,
+             greatest(e.y_min_m - p_y_m, p_y_m - e.y_max_m, 0) - wide_m as dy_m
+      from semap.region_edge e,
+           lateral (select case when e.stds = 0 then 0 else e.stds * (coalesce(p_std_m, 0) * 1.25 + 0.01) end as wide_m) w
+      where e.map_id = p_map_id
+        and e.cell_x = floor(p_x_m / p_cell_m)::integer and e.cell_y = floor(p_y_m / p_cell_m)::integer
+      offset 0) e -- the distances are computed once and not wherever they are asked
+    ) cut
 $$;
 comment on function semap.calm_rectangle is
   'An open rectangle around a point that no edge of a region reaches into.';
