@@ -65,8 +65,8 @@ comment on function semap_query.is_near is
   'Whether two things are at most a distance [m] apart, heights counting: convex hulls as solids, and positions.';
 
 -- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own frame:
--- in the projection of its box to that side, up to 10 m. A track is where its position is, at any height if its own is
--- not known; an instance counts with any part of it.
+-- in the projection of its box to that side, up to 10 m. A track is where its position is, within the sides of the
+-- projection and not on them, at any height if its own is not known; an instance counts with any part of it.
 create or replace function semap_query.is_beside(p_direction text, p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -90,9 +90,9 @@ begin
                         coalesce(p_subject.z_m, (public.st_zmin(v_corners) + public.st_zmax(v_corners)) / 2)), v_axes);
   v_box := public.box3d(semap.seen_from(v_corners, v_axes));
   v_box := semap.region_box(v_box, semap.region_named(p_direction, 'projection', 'object'), 10);
-  return public.st_x(v_point) between public.st_xmin(v_box) - 1e-6 and public.st_xmax(v_box) + 1e-6
-     and public.st_y(v_point) between public.st_ymin(v_box) - 1e-6 and public.st_ymax(v_box) + 1e-6
-     and public.st_z(v_point) between public.st_zmin(v_box) - 1e-6 and public.st_zmax(v_box) + 1e-6;
+  return public.st_x(v_point) > public.st_xmin(v_box) and public.st_x(v_point) < public.st_xmax(v_box)
+     and public.st_y(v_point) > public.st_ymin(v_box) and public.st_y(v_point) < public.st_ymax(v_box)
+     and public.st_z(v_point) >= public.st_zmin(v_box) and public.st_z(v_point) < public.st_zmax(v_box);
 end $$;
 comment on function semap_query.is_beside is
   'Whether the subject is in a direction of the object, in the object''s own frame, up to 10 m.';

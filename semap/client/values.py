@@ -201,8 +201,9 @@ class Track:
 class Relation:
     """A subject is related to an object, as a continuous query sees it: a track or an instance each.
 
-    until       None while it holds
-    duration_s  how long it held; None while it holds
+    until        None while it holds
+    duration_s   how long it held; None while it holds
+    probability  how probable it is now; None where the query asks for no certainty
     """
 
     map: str
@@ -218,6 +219,7 @@ class Relation:
     since: Stamp
     until: Stamp | None
     duration_s: float | None
+    probability: float | None
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ class _Reading:
         self.found = _Found()
         self.sources: tuple[Source, ...] = ()
         self.views: tuple[View, View]
+        self.concepts: list[str | None] = []
         self.limited: int | None = None
 
     def declaration(self, name: str, select: Select) -> Declaration:
@@ -78,7 +79,7 @@ class _Reading:
         sides = [
             Side(
                 each.view.kind,
-                each.view.concept,
+                self.concepts[each.side],
                 None if (uids := self.found.uids[each.side]) is None else tuple(uids),
                 together(self.found.wheres[each.side]),
             )
@@ -104,6 +105,7 @@ class _Reading:
         self.sources = tuple(self._source(n, each) for n, each in enumerate(ranges))
         first, second = self.sources
         self.views = (first.view, second.view)
+        self.concepts = [first.view.concept, second.view.concept]
 
     def _source(self, side: int, range_: Range) -> Source:
         if isinstance(range_, Table):
@@ -206,8 +208,18 @@ class _Reading:
             self.found.uids[side] = both
             return
         where = condition(part, self.views[side])
+        if self._is_of_concept(side, where):
+            return
         require_readable(where, self.views[side].kind, part.at)
         self.found.wheres[side].append(where)
+
+    def _is_of_concept(self, side: int, where: Cql2) -> bool:
+        """Whether a condition says of which concept the instances are, as a view of them would."""
+        match where:
+            case {"op": "isA", "args": [str() as concept]} if self.concepts[side] in (None, concept):
+                self.concepts[side] = concept
+                return True
+        return False
 
     def _take_pair(self, part: Expression, is_outer: bool) -> None:
         """What may stand between the sides beside the relation: one map, and two things."""

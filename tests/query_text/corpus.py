@@ -62,6 +62,7 @@ HEAD = "select t.name, r.name from track t, room r where "
 IN = "ST_Contains(r.footprint, t.position)"
 PAIR = {"a_name": "subject.name", "b_name": "object.name"}
 CUP_TABLE = {"cup": "subject.name", "top": "object.name"}
+OF_THINGS = 'select i.name as i_name, d.name as top from instance i, "table" d where '
 OF_CUPS = 'select c.name as cup, d.name as top from cup c, "table" d where '
 
 
@@ -171,7 +172,10 @@ ACCEPTED = [
     where("r.name = r.alias", op("=", prop("name"), prop("alias"))),
     where("(r.storey = 'Ground' or not r.concept = 'Room')",
           op("or", op("=", prop("storey"), "Ground"), op("<>", prop("concept"), "Room"))),
-    where("semap.is_a(r.concept, 'Room')", op("isA", "Room")),
+    Accepted(f"{HEAD}{IN} and semap.is_a(r.concept, 'Room')", "contains"),
+    Accepted(OF_THINGS + "is_on(i, d) and semap.is_a(i.concept, 'Cup') and i.id <> d.id", "on", CUPS, TABLES, {"dimensions": 3},
+             {"i_name": "subject.name", "top": "object.name"}),
+    where("semap.is_a(r.concept, 'Space')", op("isA", "Space")),
     where("r.attributes->>'floor' = '2'",
           op("or", op("=", prop("attributes.floor"), "2"), op("=", prop("attributes.floor"), 2))),
     where("(r.attributes->>'area')::float > 10", op(">", prop("attributes.area"), 10)),

@@ -166,11 +166,9 @@ def _beside(direction: str, s: One, o: One) -> bool:
         (x_max, y_min, x_max + REACH_M, y_max), (x_min, y_max, x_max, y_max + REACH_M),
         (x_min - REACH_M, y_min, x_min, y_max), (x_min, y_min - REACH_M, x_max, y_min),
     )[turned % 4]  # fmt: skip
-    low, high = _heights(s)
-    if low > o.heights[1] or high < o.heights[0]:
-        return False
     if isinstance(s, Walker):
-        return shapely.box(*region).covers(shapely.Point(s.now))
+        return shapely.box(*region).contains(shapely.Point(s.now)) and _within_heights(s, o)
+    low, high = s.heights
     return (
         shapely.box(*region).intersection(s.footprint).area > 0 and low < o.heights[1] and high > o.heights[0]
     )

@@ -95,7 +95,7 @@ def test_what_holds_and_what_held(service: Service, plain: psycopg.Connection) -
         return {
             "map": "office", "query": query, **dict.fromkeys(names), **sides, "since": second(since_s),
             "until": None if until_s is None else second(until_s),
-            "duration_s": None if until_s is None else until_s - since_s,
+            "duration_s": None if until_s is None else until_s - since_s, "probability": None,
         }  # fmt: skip
 
     who = {"track_id": track_id, "track": "person"}
