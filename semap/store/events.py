@@ -119,7 +119,7 @@ def list_events(
     rule_name: str | None = None,
 ) -> tuple[StoredEvent, ...]:
     """At most `limit` events with numbers above `after`, and not above `until`, in their order."""
-    found = _EVENTS.where(event.c.seq > after).order_by(event.c.seq).limit(limit)
+    found = EVENTS.where(event.c.seq > after).order_by(event.c.seq).limit(limit)
     if until is not None:
         found = found.where(event.c.seq <= until)
     if map_name is not None:
@@ -144,7 +144,7 @@ def list_events_between(
     within = (event.c.map_id == map_id, event.c.stamp >= start, event.c.stamp <= end)
     with translated():
         rows = connection.execute(
-            _EVENTS.where(*within).order_by(event.c.stamp, event.c.seq).limit(limit)
+            EVENTS.where(*within).order_by(event.c.stamp, event.c.seq).limit(limit)
         ).all()
     return tuple(_event(row) for row in rows)
 
@@ -181,7 +181,7 @@ _POSITION = (
     )
     .scalar_subquery()
 )
-_EVENTS = (
+EVENTS = (
     select(
         event.c.seq,
         event.c.event_id,

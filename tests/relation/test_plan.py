@@ -7,7 +7,10 @@ from typing import Any
 
 import pytest
 import shapely
+from sqlalchemy.dialects import postgresql
 from world import World
+
+from semap.store.events import EVENTS
 
 
 def nodes(plan: dict[str, Any]) -> list[dict[str, Any]]:
@@ -72,3 +75,11 @@ def test_a_region_of_too_many_cells_is_refused_with_its_remedy(large: World) -> 
     with pytest.raises(Exception, match="million cells") as refused:
         large.add_room("county", shapely.box(0, 0, 1e5, 1e5))
     assert "--cell" in str(refused.value.diag.message_hint)
+
+
+def test_events_are_read_without_a_plan_for_each_day(large: World) -> None:
+    """Where their tracks were is asked of a function that keeps its plan, whatever days there are."""
+    statement = str(EVENTS.compile(dialect=postgresql.dialect(), compile_kwargs={"literal_binds": True}))
+    relations = {node["Relation Name"] for node in explain(large, statement) if "Relation Name" in node}
+    assert "event" in relations
+    assert not {name for name in relations if name.startswith("track_state")}
