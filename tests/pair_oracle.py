@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from math import atan2, cos, hypot, pi, sin
 from uuid import UUID
 
 import shapely
 from careful_oracle import grown
+from line_oracle import walked
 from shapely import affinity
 
 US = 1_000_000
@@ -130,7 +130,7 @@ def at_height(asked: Question, s: Thing, o: Thing) -> bool:
         return other[0] <= own[0] and own[1] <= other[1]
     if s.is_track and o.is_track:
         return asked.predicate != "intersects" or abs(own[0] - other[0]) <= 1
-    if asked.predicate == "intersects" or not s.is_track and not o.is_track:
+    if asked.predicate == "intersects" or (not s.is_track and not o.is_track):
         return overlap(own[0] - by, own[1] + by, other)
     if asked.predicate == "within_distance" and not s.is_track:
         return own[0] - by <= other[0] < own[1] + by
@@ -413,7 +413,9 @@ class PairOracle:
             left = self.came_from.pop(key, None)
             if not is_way:
                 continue
-            for part, is_left, left in walked(line.shape, start, end, left):  # noqa: B007, PLW2901
+            walk = walked(line.shape, (start.x_m, start.y_m), (end.x_m, end.y_m), left)
+            for part, is_left, remembered in walk:
+                left = remembered
                 if part is None:
                     continue
                 way = "left_to_right" if is_left else "right_to_left"
@@ -429,98 +431,3 @@ class PairOracle:
             if left is not None:
                 self.came_from[key] = left
         return found
-
-
-def walked(
-    shape: shapely.Geometry, start: Thing, end: Thing, left: bool | None
-) -> Iterable[tuple[Fraction | None, bool | None, bool | None]]:
-    """Crossings of a shape's line on a way, exactly: parts, the side that is left, and (last) what is remembered.
-
-    Sides: of an area its inside is left; of a line that goes on to the right all the way, what is above it.
-    """
-    a = Fraction(start.x_m), Fraction(start.y_m)
-    b = Fraction(end.x_m), Fraction(end.y_m)
-    is_left = inside_of if shape.geom_type != "LineString" else above
-    if a == b:
-        return [(None, None, left)]
-    cuts = sorted({Fraction(0), Fraction(1), *meetings(shape, a, b)})
-    found: list[tuple[Fraction | None, bool | None, bool | None]] = []
-    came = is_left(shape, a)
-    came = left if came is None else came
-    for u, v in zip(cuts, cuts[1:], strict=False):
-        now = is_left(shape, on_way(a, b, (u + v) / 2))
-        if now is not None:
-            if came is not None and now != came and strictly_on(shape, on_way(a, b, u)):
-                found.append((u, came, None))
-            came = now
-    at_end = is_left(shape, b)
-    return [*found, (None, None, came if at_end is None else None)]
-
-
-Exact = tuple[Fraction, Fraction]
-
-
-def on_way(a: Exact, b: Exact, part: Fraction) -> Exact:
-    return a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])
-
-
-def cross(o: Exact, a: Exact, b: Exact) -> Fraction:
-    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
-
-
-def edges(shape: shapely.Geometry) -> Iterable[tuple[Exact, Exact]]:
-    lines = [shape] if shape.geom_type == "LineString" else shapely.get_parts(shapely.boundary(shape))
-    for line in lines:
-        points = [(Fraction(x), Fraction(y)) for x, y in line.coords]
-        if shape.geom_type == "LineString":  # far beyond both ends, steeper than any way
-            (x, y), (u, v) = points[0], points[-1]
-            points = [(x - 1, y - 97 - Fraction(1, 13)), *points, (u + 1, v + 89 + Fraction(1, 17))]
-        yield from zip(points, points[1:], strict=False)
-
-
-def meetings(shape: shapely.Geometry, a: Exact, b: Exact) -> Iterable[Fraction]:
-    length = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
-    for p, q in edges(shape):
-        from_p, from_q = cross(a, b, p), cross(a, b, q)
-        for corner, side in ((p, from_p), (q, from_q)):
-            if side == 0:
-                part = ((corner[0] - a[0]) * (b[0] - a[0]) + (corner[1] - a[1]) * (b[1] - a[1])) / length
-                if 0 <= part <= 1:
-                    yield part
-        if from_p * from_q < 0:
-            from_a, from_b = cross(p, q, a), cross(p, q, b)
-            part = from_a / (from_a - from_b)
-            if 0 <= part <= 1:
-                yield part
-
-
-def inside_of(shape: shapely.Geometry, point: Exact) -> bool | None:
-    inside = False
-    for p, q in edges(shape):
-        side = cross(p, q, point)
-        if side == 0 and min(p[0], q[0]) <= point[0] <= max(p[0], q[0]) and (
-            min(p[1], q[1]) <= point[1] <= max(p[1], q[1])
-        ):  # fmt: skip
-            return None
-        if (p[1] > point[1]) != (q[1] > point[1]) and (side > 0) == (q[1] > p[1]):
-            inside = not inside
-    return inside
-
-
-def above(shape: shapely.Geometry, point: Exact) -> bool | None:
-    parts = list(edges(shape))
-    if point[0] < parts[0][0][0]:
-        p, q = parts[0]
-    elif point[0] >= parts[-1][0][0]:
-        p, q = parts[-1]
-    else:
-        p, q = next((p, q) for p, q in parts if p[0] <= point[0] <= q[0])
-    side = cross(p, q, point)
-    return None if side == 0 else side > 0
-
-
-def strictly_on(shape: shapely.Geometry, point: Exact) -> bool:
-    """Whether a point of the line is not an end of it, or beyond."""
-    if shape.geom_type != "LineString":
-        return True
-    return Fraction(shape.coords[0][0]) < point[0] < Fraction(shape.coords[-1][0])
