@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import random
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import timedelta
 
@@ -10,6 +13,9 @@ import shapely
 from pair_oracle import Change, PairOracle, Question
 from pair_town import Town
 from world import SECOND_US
+
+from semap.store.database import connect
+from semap.timeline.stamp import to_datetime
 
 
 def seen(town: Town, name: str, second: float, x: float, y: float, **more: float | None) -> None:
@@ -181,3 +187,34 @@ def test_a_map_that_goes_takes_its_pairs_along(town_of) -> None:
     for table in ("pair", "pair_member", "relation_change", "relation_past"):
         assert town.world.rows(f"select from semap.{table} where map_id = %s", town.world.map_id) == []
     town.oracle = PairOracle(town.oracle.asked)
+
+
+def test_two_sources_that_write_at_once_leave_what_holds(town_of: Callable[[Question], Town]) -> None:
+    """Whoever comes second sees where the other's track is: the two are near for both, or for neither."""
+    town = town_of(Question("within_distance", distance_m=2.0))
+    town.track("Ann", source=0)
+    town.track("Bob", source=1)
+
+    def walk(name: str, seed: int) -> float:
+        dice, x = random.Random(seed), 0.0
+        with connect(town.world.dsn) as connection:
+            for second in range(1, 41):
+                x = dice.randint(0, 6) / 1.0
+                connection.execute(
+                    "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, %s, %s, 0)",
+                    [town.tracks[name], to_datetime(second * SECOND_US), x],
+                )
+        return x
+
+    with ThreadPoolExecutor(2) as pool:
+        ann, bob = pool.map(walk, ("Ann", "Bob"), (1, 2))
+    held = {each[:2] for each in town.held()}
+    assert held == ({("Ann", "Bob"), ("Bob", "Ann")} if abs(ann - bob) <= 2 else set())
+    balance = dict.fromkeys([("Ann", "Bob"), ("Bob", "Ann")], 0)
+    for each in town.log():
+        balance[each.subject, each.object] += 1 if each.kind == "began" else -1
+        assert balance[each.subject, each.object] in (0, 1)
+    assert {pair for pair, is_held in balance.items() if is_held} == held
+    # the order in which the two came is nobody's to know
+    town.oracle.log, town.oracle.pairs = [], {}
+    town.world.run("delete from semap.map where map_id = %s", town.world.map_id)
