@@ -319,6 +319,9 @@ declare
   v_verges     semap.verge[];
   v_crossings  semap.crossing[];
 begin
+  if p_arrivals is null then
+    return null;
+  end if;
   select f.verges, f.crossings into v_verges, v_crossings
   from semap.follow_steps(p_arrivals, semap.verges_of(p_arrivals)) f;
   perform semap.keep_verges(v_verges, array(select distinct track_id from unnest(p_arrivals)));

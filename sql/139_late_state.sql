@@ -30,6 +30,17 @@ begin
     select to_stamp, sum(states) over (order by from_stamp) as total from semap.track_state_packed
     where track_id = p_track_id and from_stamp > p_stamp - interval '30 min' order by from_stamp limit p_from + 2) p
   where total >= p_from + c_most_packed;
+  -- what is packed makes a plan dear
+  if not exists (select from semap.track_state_packed
+                 where track_id = p_track_id and from_stamp > v_since - interval '30 min' and from_stamp <= v_to) then
+    return query
+      (select * from semap.track_state s where s.track_id = p_track_id and s.stamp < p_stamp and s.stamp >= v_since
+       order by s.stamp desc limit p_before)
+      union all
+      (select * from semap.track_state s where s.track_id = p_track_id and s.stamp >= p_stamp and s.stamp <= v_to
+       order by s.stamp limit p_from);
+    return;
+  end if;
   return query
     (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
      from semap.stored_state s
@@ -83,7 +94,9 @@ comment on function semap.held_at is
 create or replace function semap.verges_before(
   p_track_id bigint, p_map_id integer, p_cell_m double precision, p_arrivals semap.arrival[], p_late_to timestamptz
 ) returns semap.verge[]
-language sql stable as $$
+language plpgsql stable as $$  -- which keeps its plan
+begin
+  return (
   with place as (
     select x_m, y_m from unnest(p_arrivals) where x_m is not null
   ), way as (
@@ -119,8 +132,8 @@ language sql stable as $$
   cross join lateral (
     select exists (select from semap.held_at(p_track_id, greatest(s.first_stamp, f.formed_stamp)) n
                    where n.query_id = f.query_id and n.instance_id = f.instance_id) as held) h
-  where f.formed_stamp < p_late_to
-$$;
+  where f.formed_stamp < p_late_to);
+end $$;
 comment on function semap.verges_before is
   'The regions that these states of a track may concern, and what is known of it beside each before them.';
 
@@ -362,8 +375,8 @@ declare
   v_is_unsettled boolean;
 begin
   while cardinality(v_late) > 0 loop
-    v_before := 8;
-    v_from := 8;
+    v_before := 16;
+    v_from := 16;
     v_not_yet := v_late[c_most_late + 1:];
     loop
       v_states := array(select s from semap.states_around((p_now).track_id, v_late[1], v_before, v_from, (p_now).stamp) s);
@@ -393,7 +406,8 @@ begin
       into v_is_unknown, v_is_unsettled from unnest(v_found.spans);
       exit when not (v_is_unknown and v_before < c_most_states or v_is_unsettled and v_from < c_most_states);
       v_before := v_before * case when v_is_unknown then 4 else 1 end;
-      v_from := v_from * case when v_is_unsettled then 4 else 1 end;
+      v_from := v_from * case when not v_is_unsettled then 1
+        when (select count(*) from unnest(v_late[:c_most_late]) late where late <= v_last) * 4 >= v_from then 16 else 4 end;
     end loop;
 
     perform semap.write_amendments(
