@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import random
+from concurrent.futures import ThreadPoolExecutor
 from uuid import uuid4
 
+import shapely
 from careful_oracle import Asked, Follower, Sample
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_careful_queries import asked, walk
 from test_oracle import BANDS, SHAPES
-from world import World
+from world import SECOND_US, World
+
+from semap.store.database import connect
 
 QUICK = settings(
-    max_examples=6,
-    phases=[Phase.generate],
+    max_examples=40,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -152,3 +155,93 @@ def test_states_in_any_order_leave_the_same_history(
     finally:
         one.close()
         other.close()
+
+
+ROOM = shapely.box(0, 0, 4, 4)
+KINDS = "select kind::text, cause::text, extract(epoch from stamp)::float8, amendment from semap.relation_change order by change_id"
+
+
+def states(track: int, *seen: tuple[float, float]) -> list[tuple]:
+    return [(track, round(at_s * SECOND_US), x, 2.0, None) for at_s, x in seen]
+
+
+def test_a_change_that_moved_is_taken_back_and_added_anew(world: World) -> None:
+    world.add_room("room", ROOM)
+    track = world.add_track("t")
+    world.add_states(states(track, (1, 9), (5, 2), (9, 9)))
+    world.add_states(states(track, (3, 2)))
+    assert world.rows(KINDS) == [
+        ("began", "moved", 5.0, None), ("ended", "moved", 9.0, None),
+        ("began", "moved", 5.0, "retracted"), ("ended", "moved", 9.0, "retracted"),
+        ("began", "moved", 3.0, "added"), ("ended", "moved", 9.0, "added"),
+    ]  # fmt: skip
+    assert world.rows(
+        "select extract(epoch from since)::int, extract(epoch from until)::int from semap.relation_past"
+    ) == [(3, 9)]
+
+
+def test_a_region_counts_from_when_it_got_its_form(world: World) -> None:
+    """Tracks that came to be known after that are corrected from their beginning on."""
+    old = world.add_track("old")
+    world.add_states(states(old, (1, 9), (10, 9)))
+    world.add_room("room", ROOM)
+    new = world.add_track("new")
+    world.add_states([*states(old, (20, 9)), *states(new, (1, 9), (10, 9))])
+    world.add_states([*states(old, (5, 2)), *states(new, (5, 2))])
+    assert {change[0] for change in world.changes()} == {"new"}
+    world.add_states(states(old, (15, 2)))
+    assert [change[4] / SECOND_US for change in world.changes() if change[0] == "old"] == [15, 20]
+
+
+def test_an_outlier_that_comes_late_corrects_nothing(world: World) -> None:
+    """One that the next state confirms does: the track did jump."""
+    world.add_room("room", ROOM)
+    track = world.add_track("t")
+    world.run("update semap.source set jump_m = 3, jump_mps = 0.1")
+    world.add_states(states(track, *((at_s, 9) for at_s in range(10))))
+    world.add_states(states(track, (4.5, 2)))
+    assert world.changes() == []
+    world.add_states(states(track, (4.6, 2.5)))
+    assert [change[2:] for change in world.changes()] == [
+        ("began", "moved", 4_600_000), ("ended", "moved", 6 * SECOND_US),
+    ]  # fmt: skip
+
+
+def test_packed_states_count_as_others_do(world: World) -> None:
+    world.add_room("room", ROOM)
+    track = world.add_track("t")
+    world.add_states(states(track, (1, 9), (5, 2), (9, 9), (4000, 9), (4001, 9)))
+    world.run("update semap.retention set pack_after = '1 day' where kind = 'states'")
+    assert world.one("select semap.pack_states('1970-01-01Z')") == 3
+    world.add_states(states(track, (3, 2)))
+    assert world.rows(
+        "select extract(epoch from since)::int, extract(epoch from until)::int from semap.relation_past"
+    ) == [(3, 9)]
+
+
+def test_writers_of_two_sources_correct_at_once(world: World) -> None:
+    """Each the tracks of its own source."""
+    world.add_room("room", ROOM)
+    ids = [world.add_track("one"), world.add_track("two", world.add_source("other"))]
+
+    def write(track: int) -> None:
+        with connect(world.dsn) as connection:
+            for at_s in range(40, 0, -1):
+                connection.execute(
+                    "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, to_timestamp(%s), %s, 2)",
+                    [track, at_s, 2 if at_s % 4 < 2 else 9],
+                )
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(write, ids))
+    spans = [(at_s, at_s + 2) for at_s in range(4, 40, 4)]
+    for name in ("one", "two"):
+        found = world.rows(
+            "select extract(epoch from since)::int, extract(epoch from until)::int from semap.relation_past"
+            " where track_name = %s order by 1", name,
+        )  # fmt: skip
+        assert found == [(1, 2), *spans]
+    assert {relation[::2] for relation in world.relations()} == {
+        ("one", 40 * SECOND_US),
+        ("two", 40 * SECOND_US),
+    }
