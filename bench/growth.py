@@ -160,7 +160,9 @@ def draw(rows: Rows, path: Path) -> None:
     """The cost of a state over the size, a panel for each series: medians, least and most."""
     titles = list(dict.fromkeys(str(row["grows"]) for row in rows))
     canvas = new_figure(10, 2.8, path)
-    for number, (title, axes) in enumerate(zip(titles, canvas.subplots(1, len(titles)), strict=True)):
+    for number, (title, axes) in enumerate(
+        zip(titles, canvas.subplots(1, len(titles), squeeze=False)[0], strict=True)
+    ):
         own = [row for row in rows if row["grows"] == title]
         x = [max(int(str(row["size"])), 1) for row in own]
         rounds = [np.array(each.rounds) for row in own if isinstance(each := row["us_per_state"], Figure)]
