@@ -118,3 +118,18 @@ def ids(delta: Delta) -> dict[str, int]:
 
 def told(deltas: Iterator[Delta | None]) -> Delta:
     return next(delta for delta in deltas if delta is not None)
+
+
+def test_a_watch_tells_what_late_states_correct(world: World) -> None:
+    world.add_room("room", shapely.box(0, 0, 4, 4))
+    track_id = world.add_track("t")
+    world.add_states([(track_id, SECOND_US, 9.0, 1.0, None), (track_id, 5 * SECOND_US, 1.0, 1.0, None)])
+    deltas = watch_query(world.dsn, world.query_id)
+    assert [delta and delta.at.second for delta in (next(deltas), next(deltas))] == [5, None]
+    world.add_states([(track_id, 3 * SECOND_US, 1.0, 1.0, None)])
+    told = []
+    while len(told) < 2:
+        if (delta := next(deltas)) is not None:
+            told.append((delta.kind, delta.at.second, delta.amendment))
+    deltas.close()
+    assert told == [("began", 5, "retracted"), ("began", 3, "added")]
