@@ -75,7 +75,7 @@ FIRST_STAMPS = """
 
 
 STATE_BEFORE = """
-    select is_last, x_m, y_m, z_m from (
+    select is_last or at_us = %s, x_m, y_m, z_m from (
       select *, extract(epoch from stamp) * 1000000 as at_us from semap.track_state where track_id = %s) s
     where at_us <= %s and (select max(n.stamp) from semap.track_now n where n.track_id = s.track_id) > s.stamp
     order by stamp desc limit 1
@@ -111,7 +111,7 @@ def _play(world: World, oracle: Oracle, ids: dict[str, int], steps: list) -> Non
         elif kind == "late":
             ((name, *_),) = what
             stamp = now_us // 2 + 1
-            before = world.rows(STATE_BEFORE, ids[name], stamp)
+            before = world.rows(STATE_BEFORE, stamp, ids[name], stamp)
             # one that stands where it stood corrects nothing: tests/relation/test_late_states.py has the others
             if before and name not in said_to_end and not before[0][0]:
                 world.add_states([(ids[name], stamp, *before[0][1:])])
