@@ -1,0 +1,175 @@
+-- What of a track is looked at again after states of it that came late (sql/139).
+
+-- So many states of a track before a moment, and so many from it on, at most up to another one.
+create or replace function semap.states_around(
+  p_track_id bigint, p_stamp timestamptz, p_before integer, p_from integer, p_until timestamptz
+) returns setof semap.track_state
+language plpgsql stable set plan_cache_mode = force_custom_plan as $$
+declare
+  c_most_packed  constant integer := 490;
+  v_since        timestamptz;
+  v_to           timestamptz;
+begin
+  -- no more packed rows are opened than it takes
+  select greatest(n.first_stamp, (
+    select max(from_stamp) from (
+      select from_stamp, sum(states) over (order by from_stamp desc) as total from semap.track_state_packed
+      where track_id = p_track_id and from_stamp < p_stamp order by from_stamp desc limit p_before + 2) p
+    where total >= p_before + c_most_packed)) into v_since
+  from semap.track_now n where n.track_id = p_track_id;
+  select least(p_until, min(to_stamp)) into v_to from (
+    select to_stamp, sum(states) over (order by from_stamp) as total from semap.track_state_packed
+    where track_id = p_track_id and from_stamp > p_stamp - interval '30 min' order by from_stamp limit p_from + 2) p
+  where total >= p_from + c_most_packed;
+  -- what is packed makes a plan dear
+  if not exists (select from semap.track_state_packed
+                 where track_id = p_track_id and from_stamp > v_since - interval '30 min' and from_stamp <= v_to) then
+    return query
+      (select * from semap.track_state s where s.track_id = p_track_id and s.stamp < p_stamp and s.stamp >= v_since
+       order by s.stamp desc limit p_before)
+      union all
+      (select * from semap.track_state s where s.track_id = p_track_id and s.stamp >= p_stamp and s.stamp <= v_to
+       order by s.stamp limit p_from);
+    return;
+  end if;
+  return query
+    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+     from semap.stored_state s
+     where s.track_id = p_track_id and s.stamp < p_stamp and s.stamp >= v_since
+       and s.from_stamp > v_since - interval '30 min' and s.from_stamp < p_stamp and s.to_stamp >= v_since
+     order by s.stamp desc limit p_before)
+    union all
+    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+     from semap.stored_state s
+     where s.track_id = p_track_id and s.stamp >= p_stamp and s.stamp <= v_to
+       and s.from_stamp > p_stamp - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= p_stamp
+     order by s.stamp limit p_from);
+end $$;
+comment on function semap.states_around is
+  'So many states of a track before a moment, and so many from it on, at most up to another one.';
+
+-- The changes of a track between two moments, the first not included, that were not taken back.
+create or replace function semap.standing_changes_of_track(p_map_id integer, p_track_id bigint, p_after timestamptz, p_to timestamptz)
+returns setof semap.relation_change
+language sql stable as $$
+  select * from semap.relation_change c
+  where c.map_id = p_map_id and c.stamp > p_after and c.stamp <= p_to and c.track_id = p_track_id
+    and c.amendment is distinct from 'retracted'
+    and not exists (select from semap.relation_change d where d.retracts = c.uid)
+$$;
+comment on function semap.standing_changes_of_track is
+  'The changes of a track between two moments, the first not included, that were not taken back.';
+
+-- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).
+-- A boundary that was crossed at that very moment may have been known then, or only at a later state.
+create or replace function semap.held_at(p_track_id bigint, p_at timestamptz)
+returns table (query_id integer, instance_id bigint, since timestamptz, until timestamptz)
+language sql stable as $$
+  select h.query_id, h.instance_id, h.since, h.until from (
+    select query_id, instance_id, since, until, map_id from semap.relation_past
+    where track_id = p_track_id and tstzrange(since, until, '[]') @> p_at
+    union all
+    select query_id, instance_id, since, null, map_id from semap.relation where track_id = p_track_id and since <= p_at
+  ) h
+  cross join lateral (
+    select case when p_at in (h.since, h.until) then array(
+      select c.kind from semap.standing_changes_of_track(h.map_id, p_track_id, p_at - interval '1 us', p_at) c
+      where c.query_id = h.query_id and c.instance_id = h.instance_id and c.edge_at = p_at) end as kinds) k
+  where (h.since < p_at or 'began' = any (k.kinds)) and (h.until > p_at or h.until is null or 'ended' <> all (k.kinds))
+$$;
+comment on function semap.held_at is
+  'The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).';
+
+-- The regions that these states of a track may concern, and what is known of it beside each before them: that it was in
+-- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in side_at.
+create or replace function semap.verges_before(
+  p_track_id bigint, p_map_id integer, p_cell_m double precision, p_arrivals semap.arrival[], p_late_to timestamptz
+) returns semap.verge[]
+language plpgsql stable as $$  -- which keeps its plan
+begin
+  return (
+  with place as (
+    select x_m, y_m from unnest(p_arrivals) where x_m is not null
+  ), way as (
+    select public.st_makeline(array_agg(public.st_point(x_m, y_m))) as line,
+           (select coalesce(max(leave_margin_m), 0) + 0.001 from semap.continuous_query where map_id = p_map_id) as wide_m
+    from (select x_m, y_m from unnest(p_arrivals) where x_m is not null order by stamp) p
+  ), span as (
+    select min(stamp) as first_stamp, max(stamp) as last_stamp from unnest(p_arrivals)
+  ), concerned as (
+    select c.region_id
+    from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y from place) p
+    join semap.region_cell c on c.map_id = p_map_id and c.cell_x = p.cell_x and c.cell_y = p.cell_y and not c.careful
+    union
+    select r.region_id from way join semap.region r
+      on r.careful and r.map_id = p_map_id and r.footprint && public.st_expand(line, wide_m)
+      and public.st_dwithin(r.footprint, line, wide_m)
+    union
+    select r.region_id from span cross join lateral semap.held_at(p_track_id, first_stamp) h
+    join semap.region r using (query_id, instance_id)
+    union
+    select r.region_id from span
+    cross join lateral semap.standing_changes_of_track(p_map_id, p_track_id, first_stamp, last_stamp) c
+    join semap.region r using (query_id, instance_id)
+  ), formed as (
+    select r.region_id, r.query_id, r.instance_id,
+           case when p_track_id <= r.formed_track_id then r.formed_stamp else '-infinity' end as formed_stamp
+    from concerned join semap.region r using (region_id)
+  )
+  select array_agg(row(p_track_id, f.region_id, p_map_id, h.held, h.held, null, h.held,
+                       case when f.formed_stamp >= s.first_stamp then f.formed_stamp end, null, null)::semap.verge)
+  from formed f
+  cross join span s
+  cross join lateral (
+    select exists (select from semap.held_at(p_track_id, greatest(s.first_stamp, f.formed_stamp)) n
+                   where n.query_id = f.query_id and n.instance_id = f.instance_id) as held) h
+  where f.formed_stamp < p_late_to);
+end $$;
+comment on function semap.verges_before is
+  'The regions that these states of a track may concern, and what is known of it beside each before them.';
+
+-- What these states of a track are, in the order of their stamps: with where it was said to have ended, and without what does
+-- not pass the gate for outliers; its present passes. p_is_first: there is no state before them. Further, from which stamp
+-- on what passes is a matter of these states alone, and from which on of those after p_late_to (null: nowhere): a state
+-- that can follow on the one before it passes, whatever was before.
+create or replace function semap.arrivals_again(
+  p_source semap.source, p_states semap.track_state[], p_now semap.track_now, p_is_first boolean,
+  p_ends timestamptz[], p_late_to timestamptz,
+  out arrivals semap.arrival[], out known_from timestamptz, out free_from timestamptz
+)
+language plpgsql stable as $$
+begin
+  with stated as (
+    select distinct on (s.stamp) s.* from unnest(p_states) s order by s.stamp
+  )
+  select array_agg(row((p_now).track_id, e.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m,
+                       s.width_m, coalesce(s.is_last, false) or e.stamp = any (p_ends), (p_now).source_id, (p_now).map_id,
+                       (p_now).cell_m, not p_is_first, '-infinity', null, null, null, '{}', null)::semap.arrival
+                   order by e.stamp)
+  into arrivals
+  from (select stamp from stated union select unnest(p_ends)) e left join stated s using (stamp);
+
+  if (p_source).jump_m is null then
+    known_from := '-infinity';
+    select min(stamp) into free_from from unnest(arrivals) where stamp > p_late_to;
+    return;
+  end if;
+  select case when p_is_first then '-infinity' else min(stamp) end, min(stamp) filter (where before_stamp > p_late_to)
+  into known_from, free_from
+  from (select stamp, lag(stamp) over in_order as before_stamp,
+               semap.can_follow(p_source, stamp - lag(stamp) over in_order, x_m - lag(x_m) over in_order,
+                                y_m - lag(y_m) over in_order) as follows
+        from unnest(arrivals) window in_order as (order by stamp)) s
+  where follows;
+  if semap.any_far_step(p_source, arrivals) then
+    select array_agg(a order by (a).stamp) into arrivals from (
+      select distinct on ((a).stamp) a from (
+        select a, 1 as place from unnest((semap.gate(
+          p_source, array(select a from unnest(arrivals) a where a.x_m is not null), '{}')).passed) a
+        union all
+        select a, 2 from unnest(arrivals) a where a.x_m is null or a.stamp = (p_now).stamp) both_kinds
+      order by (a).stamp, place) passed;
+  end if;
+end $$;
+comment on function semap.arrivals_again is
+  'What these states of a track are, in the order of their stamps: with its ends and without outliers.';
