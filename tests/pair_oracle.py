@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import atan2, cos, hypot, pi, sin
+from types import MappingProxyType
 from uuid import UUID
 
 import shapely
@@ -246,7 +247,6 @@ class PairOracle:
     def delete_track(self, name: str) -> None:
         if name in self.things:
             self._part({name}, None, "map")
-            self.things.pop(name)
         self.log = [each for each in self.log if name not in (each.subject, each.object)]
 
     def edit(self, name: str, thing: Thing | None) -> None:
@@ -255,12 +255,11 @@ class PairOracle:
         was = [before is not None and self._takes_part(before, side) for side in (False, True)]
         if thing is None:
             self._part({name}, None, "map")
-            self.things.pop(name, None)
             return
         now = [self._takes_part(thing, side) for side in (False, True)]
         lost = [side for side in (False, True) if was[side] and not now[side]]
         if lost:
-            self._part({name}, None, "map", lost)
+            self._part({name}, None, "map", lost, {name: thing})
         self.things[name] = thing
         placed = before is not None and replace(before, chosen=thing.chosen) == thing
         if any(now) and (
@@ -359,9 +358,14 @@ class PairOracle:
         return found
 
     def _part(
-        self, names: set[str], at_us: int | None, cause: str, sides: Sequence[bool] = (False, True)
+        self,
+        names: set[str],
+        at_us: int | None,
+        cause: str,
+        sides: Sequence[bool] = (False, True),
+        stay: Mapping[str, Thing] = MappingProxyType({}),
     ) -> None:
-        """They leave these sides; what is nearest without them is so then."""
+        """They leave these sides, and stay as this; what is nearest without them is so then."""
         self._end_pairs(
             [key for key in self.pairs if any(key[side] in names for side in sides)], at_us, cause
         )
@@ -370,13 +374,13 @@ class PairOracle:
         left_objects = True in sides and any(
             self._takes_part(self.things[name], True) for name in names if name in self.things
         )
-        gone = {name: self.things.pop(name) for name in names if name in self.things}
+        for name in names:
+            self.things.pop(name, None)
+        self.things.update(stay)
         if left_objects and self.asked.predicate == "nearest":
             everybody = {thing.name for thing in self._side(False)}
             again = self._compare(everybody, set(), at_us, "map" if cause == "map" else "moved")
             self._tell(again)
-        if cause == "map":  # of an instance that is removed nothing is left; one that leaves a side stays
-            self.things |= gone
 
     def _end_pairs(self, keys: list[tuple[str, str]], at_us: int | None, cause: str) -> None:
         found = []
