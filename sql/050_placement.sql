@@ -223,6 +223,11 @@ begin
   perform semap.place_instances(array_agg(i.instance_id))
   from semap.frames_below(v_frame_ids) below (frame_id) join semap.instance i using (frame_id)
   where i.relative_description_id is not null;
+  -- what turns on the spot looks the same, but faces elsewhere
+  if exists (select from semap.continuous_query where in_pairs and enabled) then
+    perform semap.refresh_pairs_of(array_agg(i.instance_id))
+    from semap.frames_below(v_frame_ids) below (frame_id) join semap.instance i using (frame_id);
+  end if;
   return null;
 end $$;
 comment on function semap.frame_moved is

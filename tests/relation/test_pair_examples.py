@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import timedelta
+from math import pi
 
 import pytest
 import shapely
@@ -108,6 +109,22 @@ def test_a_line_is_crossed_at_a_point_and_a_time(town_of) -> None:
         ("crossed", "left_to_right", 5 * SECOND_US, 4 * SECOND_US, 2.5, 2.0)
     ]
     assert town.held() == set()
+
+
+def test_a_camera_that_is_turned_faces_somebody_else(town_of: Callable[[Question], Town]) -> None:
+    """It looks the same from above, so that only its frame tells."""
+    town = town_of(Question("facing", "instance", "track", angle_rad=0.5))
+    town.put("camera", shapely.box(-0.5, -0.5, 0.5, 0.5))
+    for name, x in {"Ann": 3.0, "Bob": -3.0}.items():
+        town.track(name)
+        seen(town, name, 1, x, 0.0)
+    town.world.run("update semap.frame_pose p set qz = 1, qw = 0 from semap.frame f"
+                   " where f.frame_id = p.frame_id and f.name = 'camera'")  # fmt: skip
+    town.oracle.edit("camera", replace(town.oracle.things["camera"], yaw_rad=pi))
+    assert told(town) == [
+        ("began", "appeared", "camera", "Ann", 1),
+        ("ended", "map", "camera", "Ann", 1), ("began", "map", "camera", "Bob", 1),
+    ]  # fmt: skip
 
 
 def test_who_approaches_is_told_from_who_is_near(town_of) -> None:
