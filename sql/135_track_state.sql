@@ -7,9 +7,12 @@
 -- event time for tracks that are calm. Meanwhile a live track was seen last at the later one of `track_now.stamp` and
 -- `source_count.frame_stamp`. A map with queries about the way between samples, or about pairs, wants all places at once.
 
+-- Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are asked for, since
+-- else each batch would read all of track_now.
 create or replace function semap.track_state_inserted() returns trigger
 language plpgsql security definer
-set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off as $$
+set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off
+set random_page_cost = 0.5 as $$
 declare
   c_large       constant integer := 200;
   v_source      semap.source;
