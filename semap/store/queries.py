@@ -61,12 +61,18 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
     "direction": ("direction", "Say left_to_right or right_to_left: --direction, direction."),
 }
 """What each parameter is called, and how it is said."""
-SIDES_OF: Mapping[str, tuple[tuple[Kind, Kind], ...]] = {
-    "crosses": (("track", "instance"),),
-    "approaching": (("track", "instance"), ("track", "track"), ("instance", "track")),
-    "on": (("track", "instance"), ("instance", "instance")),
+SIDES_OF: Mapping[str, tuple[str, tuple[tuple[Kind, Kind], ...]]] = {
+    "crosses": ("only tracks cross, and only what stands still is crossed", (("track", "instance"),)),
+    "approaching": (
+        "of two instances neither approaches, since they move when the map is edited",
+        (("track", "instance"), ("track", "track"), ("instance", "track")),
+    ),
+    "on": (
+        "nothing stands on a track, whose top is not known",
+        (("track", "instance"), ("instance", "instance")),
+    ),
 }
-"""Which kinds of subject and object a predicate may relate, where not all."""
+"""Why not every kind of subject and object, and which a predicate may relate."""
 HAVE_MARGINS = (
     "contains",
     "covers",
@@ -291,11 +297,14 @@ def _check(declaration: Declaration) -> None:
 
 def _check_sides(declaration: Declaration) -> None:
     kinds = declaration.subject.kind, declaration.object.kind
-    possible = SIDES_OF.get(declaration.predicate)
-    if possible is not None and kinds not in possible:
+    if declaration.predicate not in SIDES_OF:
+        return
+    reason, possible = SIDES_OF[declaration.predicate]
+    if kinds not in possible:
         known = " or ".join(f"{subject} to {object_}" for subject, object_ in possible)
         raise InvalidInput(
-            f"{declaration.predicate} does not relate {kinds[0]} to {kinds[1]}", f"It relates {known}."
+            f"{declaration.predicate} does not relate {kinds[0]} to {kinds[1]}: {reason}",
+            f"It relates {known}.",
         )
 
 

@@ -21,7 +21,7 @@ from semap.store.concept import Concept, create_concept, list_concepts
 from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
 from semap.store.instances import get_instance, list_instances
 from semap.store.maps import create_map
-from semap.store.relations import get_room, list_occupants, list_relations, list_rooms
+from semap.store.relations import Wanted, get_room, list_occupants, list_relations, list_rooms
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 START = datetime(2026, 1, 31, tzinfo=UTC)
@@ -228,7 +228,7 @@ def test_relations_follow_edits_and_end_with_the_room(engine: Engine, database: 
             occupants = list_occupants(connection, room_id)
             assert get_room(connection, room_id).occupants == len(occupants)
             assert [each.occupants for each in list_rooms(connection)] == [len(occupants)]
-            related = list_relations(connection, track_name="person", instance_name="ell")
+            related = list_relations(connection, Wanted(track="person", instance="ell"))
             assert [each.since for each in related] == [each.since for each in occupants]
             return [each.name for each in occupants]
 
