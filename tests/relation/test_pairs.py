@@ -126,7 +126,7 @@ def play(town: Town, dice: random.Random, steps: int) -> None:
     for number in range(4):
         town.track("abcd"[number], ord("abcd"[number]) % 2, dice.random() < 0.9)
     for name in ("P", "Q", "R")[: dice.randint(1, 3)]:
-        town.put(name, **shape_of(dice, town.oracle.asked), yaw_rad=dice.choice([0.0, 0.0, 0.3, -2.0]),
+        town.put(name, **shape_of(dice, town.oracle.asked), yaw_rad=dice.choice([0.0, 0.0, 0.4, -2.0]),
                  chosen=dice.random() < 0.9)  # fmt: skip
     for _ in range(steps):
         what = dice.random() if town.oracle.asked.enabled else 0.94
@@ -140,7 +140,7 @@ def play(town: Town, dice: random.Random, steps: int) -> None:
             if name in town.oracle.things and dice.random() < 0.3:
                 town.remove(name)
             else:
-                town.put(name, **shape_of(dice, town.oracle.asked), yaw_rad=dice.choice([0.0, 0.3, -2.0]))
+                town.put(name, **shape_of(dice, town.oracle.asked), yaw_rad=dice.choice([0.0, 0.4, -2.0]))
         elif what < 0.82:
             name = dice.choice(sorted([*town.tracks, *(set("PQRS") & set(town.oracle.things))]))
             town.choose(name, dice.random() < 0.7)
