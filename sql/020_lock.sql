@@ -19,6 +19,7 @@
 --   7370, 0          maintenance, only tried
 --   7371, 0          who delivers webhooks, only tried
 --   7372             the number of webhooks
+--   7375, 0          who answers queries that are asked for in SQL, shared, as long as its connection lasts
 --
 -- A trigger's statements see what was committed before its lock was granted, which holds only at READ COMMITTED.
 
