@@ -62,15 +62,15 @@ end $$;
 comment on function semap.place_instance_members is
   'Put the instances that take part in these queries where they are, and tell which are not what they were.';
 
--- Take in the tracks that take part in these queries, of these things or (null) of all, and tell which are new. Each is
--- put where it is, as these queries see it.
+-- Take in the tracks that take part in these queries, of these things or (null) of all, and tell which are new, or have
+-- another uid, by which the nearest of two is chosen. Each is put where it is, as these queries see it.
 create or replace function semap.place_track_members(p_query_ids integer[], p_keys bigint[]) returns bigint[]
 language plpgsql as $$
 declare
   v_new     bigint[];
   v_states  semap.arrival[];
 begin
-  select array_agg(distinct w.track_id) filter (where m.key is null) into v_new
+  select array_agg(distinct w.track_id) filter (where m.key is null or m.uid <> w.uid) into v_new
   from semap.pair_track_wanted w
   join semap.track_now n on n.track_id = w.track_id and n.live
   left join semap.pair_member m on m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object
@@ -82,10 +82,10 @@ begin
     on conflict do nothing;
   end if;
   update semap.pair_member m
-  set query_name = w.query_name, name = w.name
+  set query_name = w.query_name, uid = w.uid, name = w.name
   from semap.pair_track_wanted w
   where m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object and w.query_id = any (p_query_ids)
-    and (p_keys is null or w.track_id = any (p_keys)) and (m.query_name, m.name) is distinct from (w.query_name, w.name);
+    and (p_keys is null or w.track_id = any (p_keys)) and (m.query_name, m.uid, m.name) is distinct from (w.query_name, w.uid, w.name);
 
   select array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
                        false, n.source_id, n.map_id, n.cell_m, n.live, n.stamp, n.x_m, n.y_m, n.z_m, n.region_ids,

@@ -54,6 +54,21 @@ $$;
 comment on function semap.pair_in_words is
   'Two things of a query by name, as the log tells of them.';
 
+-- Two things of a query by name, as they are known now.
+create or replace function semap.relation_in_words(
+  p_query_id integer, p_track_id bigint, p_subject_instance_id bigint, p_instance_id bigint, p_object_track_id bigint
+) returns text
+language sql stable as $$
+  select format('%s, %s (%s)',
+                coalesce('track ' || (select name from semap.track where track_id = p_track_id),
+                         (select name from semap.instance where instance_id = p_subject_instance_id), 'something'),
+                coalesce((select name from semap.instance where instance_id = p_instance_id),
+                         'track ' || (select name from semap.track where track_id = p_object_track_id), 'something'),
+                (select name from semap.continuous_query where query_id = p_query_id))
+$$;
+comment on function semap.relation_in_words is
+  'Two things of a query by name, as they are known now.';
+
 -- The log against itself (what began ends before it begins again) and against what is stored to hold now. What began
 -- before the oldest change that is kept is not in it.
 create or replace function semap.log_differences(p_map_id integer)
@@ -76,7 +91,8 @@ language sql stable as $$
   where before_kind = 'began' and (change).kind = 'ended' and (change).since <> least(before_edge_at, (change).edge_at)
   union all
   select o.change_id,
-         case when o.change_id is null then format('track %s, %s (%s)', k.name, r.instance_name, r.query_name)
+         case when o.change_id is null
+              then semap.relation_in_words(h.query_id, h.track_id, h.subject_instance_id, h.instance_id, h.object_track_id)
               else semap.pair_in_words(o) end,
          case when h.query_id is null then 'no relation' else 'a relation since ' || h.since end,
          case when o.change_id is null then 'no relation, by the log' else 'a relation since ' || o.edge_at || ', by the log' end
@@ -86,8 +102,6 @@ language sql stable as $$
     and coalesce(h.track_id, 0) = coalesce(o.track_id, 0) and coalesce(h.instance_id, 0) = coalesce(o.instance_id, 0)
     and coalesce(h.subject_instance_id, 0) = coalesce(o.subject_instance_id, 0)
     and coalesce(h.object_track_id, 0) = coalesce(o.object_track_id, 0)
-  left join semap.track k on k.track_id = h.track_id
-  left join semap.region r on r.query_id = h.query_id and r.instance_id = h.instance_id
   where o.edge_at is distinct from h.since
     and not (o.change_id is null and h.since < (select since from kept))
 $$;
@@ -113,11 +127,7 @@ language sql stable as $$
     select format('a stay from %s to %s', since, until), 'no stay', *
     from (select * from kept_past except all select * from told) m
   )
-  select format('%s, %s (%s)', coalesce('track ' || (select name from semap.track k where k.track_id = d.track_id),
-                                        (select name from semap.instance i where i.instance_id = d.subject_instance_id)),
-                coalesce((select name from semap.instance i where i.instance_id = d.instance_id),
-                         'track ' || (select name from semap.track k where k.track_id = d.object_track_id)),
-                (select name from semap.continuous_query q where q.query_id = d.query_id)),
+  select semap.relation_in_words(d.query_id, d.track_id, d.subject_instance_id, d.instance_id, d.object_track_id),
          d.stored, d.wanted
   from differing d
 $$;

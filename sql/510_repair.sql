@@ -115,8 +115,7 @@ comment on function semap.relate_as_told is
   'Make relations of a map what its log says that they are; a stay in a region that is gone ends.';
 
 -- Make all that is kept of the relations of a map what it follows from. Relations with careful regions that are named
--- (tracks and regions, in pairs) begin anew, as after an edit. Says how many relations began or ended by it. Pairs are
--- not touched.
+-- (tracks and regions, in pairs) begin anew, as after an edit. Says how many relations began or ended by it.
 create or replace function semap.repair_relations(p_map_id integer, p_track_ids bigint[], p_region_ids integer[])
 returns bigint
 language plpgsql set search_path = public, pg_temp as $$
@@ -125,6 +124,7 @@ declare
   v_told       semap.crossing[];
   v_anew       semap.crossing[];
   v_crossings  semap.crossing[];
+  v_pairs      bigint;
 begin
   perform semap.change_regions();
   perform semap.repair_presents(p_map_id);
@@ -187,8 +187,9 @@ begin
            coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
     from semap.relation n join semap.region r using (region_id) where n.map_id = p_map_id group by n.track_id) h using (track_id)
   where o.map_id = p_map_id and t.track_id = o.track_id;
+  v_pairs := semap.repair_pairs(p_map_id);
   perform semap.repair_past(p_map_id);
-  return coalesce(cardinality(v_crossings), 0);
+  return coalesce(cardinality(v_crossings), 0) + v_pairs;
 end $$;
 comment on function semap.repair_relations is
   'Make all that is kept of the relations of a map what it follows from.';

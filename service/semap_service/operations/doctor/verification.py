@@ -23,7 +23,7 @@ DIFFERENCES = sql.SQL("select count(*) over (), thing, stored, wanted from {}(%s
 
 @dataclass(frozen=True)
 class Comparison:
-    """Something that is stored, and the function that says where it differs (sql/500, 505).
+    """Something that is stored, and the function that says where it differs (sql/500, 505, 507).
 
     rows  the statement that counts it
     """
@@ -53,6 +53,9 @@ COMPARISONS = tuple(
          "plain_differences"),
         ("held", "what presents and verges say against relations", COUNT.format("track_now"),
          "held_differences"),
+        ("pair members", "sides of pairs against the queries, the map and presents", COUNT.format("pair_member"),
+         "pair_member_differences"),
+        ("pairs", "pairs against where their two sides are", COUNT.format("pair"), "pair_differences"),
         ("log", "relations against the folded log of changes", COUNT.format("relation_change"),
          "log_differences"),
         ("past", "stays that are over against the log", COUNT.format("relation_past"), "past_differences"),

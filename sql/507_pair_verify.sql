@@ -1,0 +1,145 @@
+-- Pairs (sql/121-126) against what they follow from: who takes part in queries about them, and what holds between any two
+-- who do. Nothing is taken from pair_member, nor found by its index. The log is compared as that of regions is (sql/505).
+
+-- Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks alone.
+create or replace function semap.wanted_members(p_map_id integer) returns table (
+  key bigint, query_id integer, is_object boolean, query_name text, track_id bigint, instance_id bigint,
+  uid uuid, name text, stamp timestamptz, place public.geometry, shape public.geometry, box public.geometry,
+  z_min_m double precision, z_max_m double precision, yaw_rad double precision
+)
+language sql stable as $$
+  select -w.instance_id, w.query_id, w.is_object, w.query_name, null, w.instance_id, w.uid, w.name, null, w.place, w.shape,
+         semap.pair_box(st_xmin(w.shape), st_ymin(w.shape), st_xmax(w.shape), st_ymax(w.shape), w.query_id, w.is_object),
+         w.z_min_m, w.z_max_m, w.yaw_rad
+  from semap.pair_instance_wanted w where w.map_id = p_map_id
+  union all
+  select w.track_id, w.query_id, w.is_object, w.query_name, w.track_id, null, w.uid, w.name, n.stamp, st_point(n.x_m, n.y_m),
+         s.shape,
+         semap.pair_box(floor(st_xmin(s.shape) / 2) * 2, floor(st_ymin(s.shape) / 2) * 2,
+                        ceil(st_xmax(s.shape) / 2) * 2, ceil(st_ymax(s.shape) / 2) * 2, w.query_id, w.is_object),
+         n.z_m, n.z_m, n.heading_rad
+  from semap.pair_track_wanted w
+  join semap.track_now n on n.track_id = w.track_id and n.live
+  cross join lateral (select semap.track_shape(w.predicate, w.is_object, w.distance_m, n.x_m, n.y_m,
+                                               n.heading_rad, n.length_m, n.width_m) as shape offset 0) s
+  where w.map_id = p_map_id
+$$;
+comment on function semap.wanted_members is
+  'Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks alone.';
+
+-- Who takes part in queries about pairs, and where, against what the queries, the map and the presents of tracks say.
+create or replace function semap.pair_member_differences(p_map_id integer)
+returns table (key bigint, query_id integer, is_object boolean, thing text, stored text, wanted text)
+language sql stable as $$
+  select coalesce(m.key, w.key), coalesce(m.query_id, w.query_id), coalesce(m.is_object, w.is_object),
+         format('%s of %s: %s', case when coalesce(m.is_object, w.is_object) then 'object' else 'subject' end,
+                coalesce(w.query_name, m.query_name),
+                case when coalesce(m.key, w.key) > 0 then 'track ' else '' end || coalesce(w.name, m.name)),
+         case when m.key is null then 'none' when w.key is null then 'one'
+              else format('%s at %s at %s', m.name, st_astext(m.place), m.stamp) end,
+         case when w.key is null then 'none' when m.key is null then 'one'
+              when (m.name, m.stamp, st_asbinary(m.place)) is distinct from (w.name, w.stamp, st_asbinary(w.place))
+                then format('%s at %s at %s', w.name, st_astext(w.place), w.stamp)
+              else 'another shape, box, height, heading, query or identity' end
+  from (select * from semap.pair_member where map_id = p_map_id) m
+  full join (select * from semap.wanted_members(p_map_id)) w
+    on w.key = m.key and w.query_id = m.query_id and w.is_object = m.is_object
+  where m.key is null or w.key is null
+     or (m.query_name, m.uid, m.name, m.stamp, st_asbinary(m.place), st_asbinary(m.shape), st_asbinary(m.box),
+         m.z_min_m, m.z_max_m, m.yaw_rad) is distinct from
+        (w.query_name, w.uid, w.name, w.stamp, st_asbinary(w.place), st_asbinary(w.shape), st_asbinary(w.box),
+         w.z_min_m, w.z_max_m, w.yaw_rad)
+$$;
+comment on function semap.pair_member_differences is
+  'Who takes part in queries about pairs, and where, against what the queries, the map and the presents of tracks say.';
+
+-- Each two things of a map that are a pair by what is stored, or may be one by where they are now, with how they stand to
+-- each other: all members of a query with all. `enters`: it holds beyond doubt; `leaves`: it does not; between the two
+-- lie margins. What approaches depends on the way: of that is known only whether the two are within reach (is_near).
+create or replace function semap.standing_pairs(p_map_id integer) returns table (
+  query_id integer, subject_key bigint, object_key bigint, predicate text, pair semap.pair, have_members boolean,
+  subject_name text, object_name text, query_name text, enters boolean, leaves boolean, is_near boolean,
+  begins_by_now boolean, ends_by_now boolean
+)
+language sql stable as $$
+  with member as materialized (
+    select * from semap.wanted_members(p_map_id)
+  ), query as materialized (
+    select * from semap.continuous_query where map_id = p_map_id and in_pairs and enabled
+  ), ranked as (
+    select s.query_id, s.key as subject_key, o.key as object_key, q.count, q.distance_m as within_m, d.distance_m,
+           row_number() over (partition by s.query_id, s.key order by d.distance_m, o.uid) as place
+    from query q
+    join member s on s.query_id = q.query_id and not s.is_object
+    join member o on o.query_id = q.query_id and o.is_object and o.key <> s.key and o.shape is not null
+    cross join lateral (select st_distance(o.shape, s.shape) as distance_m) d
+    where q.predicate = 'nearest'
+  ), nearest as materialized (
+    select r.query_id, r.subject_key, r.object_key from ranked r
+    where place <= count and (within_m is null or distance_m <= within_m)
+  ), stored as materialized (
+    select p.query_id, p.subject_key, p.object_key, p from semap.pair p where p.map_id = p_map_id
+  ), looked_at as (
+    select n.query_id, n.subject_key, n.object_key from nearest n
+    union
+    select s.query_id, s.subject_key, s.object_key from stored s
+    union
+    select q.query_id, s.key, o.key
+    from query q
+    join member s on s.query_id = q.query_id and not s.is_object
+    join member o on o.query_id = q.query_id and o.is_object and o.key <> s.key
+    where q.predicate not in ('nearest', 'crosses')
+      and (q.predicate = 'facing' and q.distance_m is null
+           or st_dwithin(s.shape, o.shape, case when q.predicate in ('within_distance', 'approaching', 'facing')
+                                                then q.distance_m else 0 end + 1e-9))
+  )
+  select l.query_id, l.subject_key, l.object_key, q.predicate, p.p, s.key is not null and o.key is not null,
+         s.name, o.name, q.name, coalesce(c.enters, false), coalesce(c.leaves, true),
+         q.predicate = 'approaching' and coalesce(r.side, false),
+         greatest(s.stamp, o.stamp) < (p.p).inside_at + q.enter_confirm is not true,
+         greatest(s.stamp, o.stamp) < (p.p).inside_at + q.leave_confirm is not true
+  from looked_at l
+  left join query q on q.query_id = l.query_id
+  left join member s on s.query_id = l.query_id and s.key = l.subject_key and not s.is_object
+  left join member o on o.query_id = l.query_id and o.key = l.object_key and o.is_object
+  left join stored p on p.query_id = l.query_id and p.subject_key = l.subject_key and p.object_key = l.object_key
+  left join nearest n on n.query_id = l.query_id and n.subject_key = l.subject_key and n.object_key = l.object_key
+  left join lateral semap.pair_stands(
+    q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, s.key, o.key,
+    s.place, s.shape, s.z_min_m, s.z_max_m, s.yaw_rad, o.place, o.shape, o.z_min_m, o.z_max_m) r
+    on q.predicate not in ('nearest', 'crosses') and s.key is not null and o.key is not null
+  cross join lateral (
+    select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end as enters,
+           case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end as leaves) c
+$$;
+comment on function semap.standing_pairs is
+  'Each two things of a map that are a pair by what is stored, or may be one by where they are now, and how they stand.';
+
+-- Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.
+create or replace function semap.pair_differences(p_map_id integer)
+returns table (query_id integer, subject_key bigint, object_key bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  select s.query_id, s.subject_key, s.object_key,
+         format('%s, %s (%s)', case when s.subject_key > 0 then 'track ' else '' end || coalesce(s.subject_name, 'something'),
+                case when s.object_key > 0 then 'track ' else '' end || coalesce(s.object_name, 'something'),
+                coalesce(s.query_name, 'a query that is gone')),
+         case when (s.pair).pair_id is null then 'no pair' when s.predicate = 'crosses' and not (s.pair).held then 'a side of a line'
+              when (s.pair).held and (s.pair).inside then 'holds since ' || (s.pair).since
+              when (s.pair).held then 'about to end' when (s.pair).inside then 'about to begin' else 'followed' end,
+         d.wanted
+  from semap.standing_pairs(p_map_id) s
+  cross join lateral (
+    select case
+      when not s.have_members then 'no pair, since one of them takes no part'
+      when s.predicate = 'crosses' then case when (s.pair).held then 'never held' end
+      when s.enters and (s.pair).inside is not true then 'holds, or about to begin'
+      when s.leaves and (s.pair).inside then 'does not hold, or about to end'
+      when (s.pair).inside and not (s.pair).held and s.begins_by_now then 'holds by now'
+      when (s.pair).held and not (s.pair).inside and s.ends_by_now then 'ended by now'
+      when s.is_near and (s.pair).distance_at is null then 'followed, with the distance between the two'
+      when (s.pair).pair_id is not null and not (s.pair).held and not (s.pair).inside and not s.is_near then 'no pair'
+    end as wanted) d
+  where d.wanted is not null
+$$;
+comment on function semap.pair_differences is
+  'Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.';

@@ -1,0 +1,94 @@
+-- Pairs that differ from what they follow from (sql/505, 507) are made anew, as part of the repair of a map (sql/510).
+
+-- Make pairs of a map what its log says that they are, since that is what clients and rules believe; what holds with
+-- something that takes no part ends. Says which were written.
+create or replace function semap.pair_as_told(p_map_id integer)
+returns table (query_id integer, subject_key bigint, object_key bigint)
+language plpgsql as $$
+#variable_conflict use_column
+begin
+  drop table if exists pg_temp.semap_open;
+  create temporary table semap_open on commit drop as
+    select c.*, coalesce(c.track_id, -c.subject_instance_id) as subject_key, coalesce(c.object_track_id, -c.instance_id) as object_key,
+           s.key is not null and o.key is not null as is_there
+    from semap.folded_changes(p_map_id) f
+    cross join lateral (select (f.change).*) c
+    left join semap.wanted_members(p_map_id) s
+      on s.query_id = c.query_id and s.key = coalesce(c.track_id, -c.subject_instance_id) and not s.is_object
+    left join semap.wanted_members(p_map_id) o
+      on o.query_id = c.query_id and o.key = coalesce(c.object_track_id, -c.instance_id) and o.is_object
+    where f.is_newest and c.kind = 'began'
+      and (c.track_id is null or c.instance_id is null
+           or exists (select from semap.continuous_query q where q.query_id = c.query_id and q.in_pairs));
+
+  insert into semap.relation_change (
+    uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since)
+  select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+         instance_id, instance_name, object_track_id, object_track_name, 'ended', 'map', m.at, m.at, edge_at
+  from pg_temp.semap_open a
+  cross join lateral (
+    select greatest(coalesce(max(t.stamp), clock_timestamp()), a.edge_at) as at
+    from semap.track_now t where t.track_id in (a.track_id, a.object_track_id)) m
+  where not is_there
+  order by m.at, change_id;
+
+  return query
+  with unsaid as (
+    delete from semap.pair p
+    where p.map_id = p_map_id and p.held
+      and not exists (select from pg_temp.semap_open o
+                      where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key and o.object_key = p.object_key)
+      and (p.since >= coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity')
+           or exists (select from semap.continuous_query q where q.query_id = p.query_id and q.predicate = 'crosses'))
+    returning p.query_id, p.subject_key, p.object_key
+  ), said as (
+    insert into semap.pair as p (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
+                                 held, since, inside, inside_at)
+    select map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, true, edge_at, true, edge_at
+    from pg_temp.semap_open where is_there
+    on conflict (query_id, subject_key, object_key) do update
+    set held = true, since = excluded.since, inside = p.inside or not p.held,
+        inside_at = case when p.held then p.inside_at else excluded.inside_at end
+    where p.since is distinct from excluded.since
+    returning p.query_id, p.subject_key, p.object_key
+  )
+  select * from unsaid union select * from said;
+end $$;
+comment on function semap.pair_as_told is
+  'Make pairs of a map what its log says that they are; what holds with something that takes no part ends.';
+
+-- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.
+-- Says how many relations began or ended by it.
+create or replace function semap.repair_pairs(p_map_id integer) returns bigint
+language plpgsql as $$
+declare
+  v_before   bigint := (select coalesce(max(change_id), 0) from semap.relation_change where map_id = p_map_id);
+  v_changed  record;
+begin
+  perform semap.pair_as_told(p_map_id);
+  delete from semap.pair
+  where pair_id in (select (pair).pair_id from semap.standing_pairs(p_map_id) where not have_members);
+
+  drop table if exists pg_temp.semap_differing;
+  create temporary table semap_differing on commit drop as
+    select key, query_id, is_object from semap.pair_member_differences(p_map_id);
+  delete from semap.pair_member m using pg_temp.semap_differing d
+  where m.key = d.key and m.query_id = d.query_id and m.is_object = d.is_object;
+  insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, instance_id, uid, name, stamp,
+                                 place, shape, box, z_min_m, z_max_m, yaw_rad)
+  select query_id, is_object, p_map_id, query_name, track_id, instance_id, uid, name, stamp,
+         place, shape, box, z_min_m, z_max_m, yaw_rad
+  from semap.wanted_members(p_map_id) join pg_temp.semap_differing using (key, query_id, is_object);
+
+  for v_changed in
+    select query_id, array_agg(distinct subject_key) as keys from semap.pair_differences(p_map_id)
+    group by query_id order by query_id
+  loop
+    perform semap.record_pair_changes(semap.settle_pairs(array[v_changed.query_id], v_changed.keys, null, null, 'map'));
+  end loop;
+  return (select count(*) from semap.relation_change
+          where map_id = p_map_id and change_id > v_before and kind in ('began', 'ended') and amendment is null);
+end $$;
+comment on function semap.repair_pairs is
+  'Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.';

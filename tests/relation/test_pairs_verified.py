@@ -1,0 +1,27 @@
+"""Whatever is played with pairs, `semap doctor --verify` finds nothing wrong with them."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import given, note
+from hypothesis import strategies as st
+from pair_oracle import Question
+from pair_town import Town
+from semap_service.operations.doctor.verification import verify
+from test_pairs import QUICK, play, questions
+
+
+@QUICK
+@given(asked=questions(), seed=st.integers(0, 2**32))
+def test_what_was_played_is_right(database: str, asked: Question, seed: int) -> None:
+    note(f"{asked} {seed}")
+    town = Town(database, asked)
+    try:
+        play(town, random.Random(seed), 25)
+        verification = verify(database, lambda said: None)
+        with verification.connection:
+            found = list(verification.look(town.world.name))
+        assert [each for each in found if each.differ] == []
+    finally:
+        town.close()
