@@ -73,9 +73,6 @@ end $$;
 comment on function semap.track_described is
   'A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.';
 
--- before any row is locked, as for a track that ends (sql/020)
-create or replace trigger lock_regions_to_describe before update of name, concept_id, attributes on semap.track
-  for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger track_described after update on semap.track
   referencing old table as old_track new table as new_track
   for each statement execute function semap.track_described();

@@ -8,12 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from pair_oracle import Question, Thing
 from pair_town import Town
+from semap_service.operations.doctor.verification import verify
 from test_concurrency import PATIENCE_S, await_lock
 from world import SECOND_US, World
 
-from semap.errors import SemapError
 from semap.store.database import connect
-from semap_service.operations.doctor.verification import verify
 
 NEAR = Question("within_distance", distance_m=2.0)
 
@@ -78,7 +77,10 @@ def test_a_query_about_a_source_follows_who_goes_there(town: Town) -> None:
         ("b", "a", "began", "map", 2), ("a", "b", "ended", "map", 2), ("a", "b", "began", "map", 2)]  # fmt: skip
     assert is_right(town)
     move(town, "b", 3, 5.0)
-    assert told(town.world)[before + 3 :] == [("a", "b", "ended", "moved", 3), ("b", "a", "ended", "moved", 3)]
+    assert told(town.world)[before + 3 :] == [
+        ("a", "b", "ended", "moved", 3),
+        ("b", "a", "ended", "moved", 3),
+    ]
     assert is_right(town)
 
 
@@ -95,12 +97,17 @@ def test_who_is_nearest_of_two_is_said_by_the_identity_that_they_have_now(databa
     for name, x in (("a", 0.0), ("b", 1.0), ("c", -1.0)):
         town.track(name)
         move(town, name, 1, x)
-    nearest = "select o.name from semap.pair p join semap.track s using (track_id) join semap.track o on o.track_id = object_track_id where held and s.name = 'a'"
-    for name, other in (("b", "c"), ("c", "b"), ("b", "c")):
-        town.world.run("update semap.track set uid = 'ffffffff-ffff-4fff-bfff-ffffffffffff' where name = %s", name)
-        assert town.world.rows(nearest) == [(other,)]
+    nearest = (
+        "select o.name from semap.pair p join semap.track s using (track_id)"
+        " join semap.track o on o.track_id = object_track_id where held and s.name = 'a'"
+    )
+    for last, first in (("b", "c"), ("c", "b"), ("b", "c")):
+        for name, digit in ((last, "f"), (first, "0")):
+            uid = f"{digit * 8}-{digit * 4}-4{digit * 3}-8{digit * 3}-{digit * 12}"
+            town.world.run("update semap.track set uid = %s where name = %s", uid, name)
+        assert town.world.rows(nearest) == [(first,)]
         assert is_right(town)
-        town.world.run("update semap.track set uid = '00000000-0000-4000-8000-000000000001' where name = %s", name)
+        town.world.run("update semap.track set uid = gen_random_uuid()")
     town.close()
 
 
@@ -116,14 +123,26 @@ def test_a_concept_that_moves_takes_the_pairs_of_its_tracks_with_it(town: Town, 
     before = len(told(world))
     assert world.one("select count(*) from semap.pair") == 0
     pair = ("a", "b") if side == "subject" else ("b", "a")
-    for second, now_us in enumerate((3, 5), 3):
+    for came, went in ((2, 3), (4, 5)):
         world.run("insert into semap.concept_parent values (%s, %s)", forklift, vehicle)
-        assert told(world)[before:] == [(*pair, "began", "map", second - 1 if second == 3 else second)]
+        assert told(world)[before:] == [(*pair, "began", "map", came)]
         assert is_right(town)
-        before += 1
-        move(town, "b", now_us, 1.25)
+        move(town, "b", went, 1.25)
         world.run("delete from semap.concept_parent where concept_id = %s", forklift)
-        assert told(world)[before:] == [(*pair, "ended", "map", now_us)]
+        assert told(world)[before + 1 :] == [(*pair, "ended", "map", went)]
         assert is_right(town)
-        before += 1
-        move(town, "a", now_us + 1, 0.0)
+        move(town, "a", went + 1, 0.0)
+        before += 2
+
+
+@pytest.mark.parametrize("column", ["source_id", "uid", "name", "map_id"])
+def test_who_describes_a_track_by_hand_waits_for_writers_before_any_row(town: Town, column: str) -> None:
+    """Whoever held its row and waited for regions then would stop an edit that holds regions and wants the row."""
+    with connect(town.world.dsn, autocommit=False) as writer, ThreadPoolExecutor() as pool:
+        writer.execute("select semap.hold_regions()")
+        waiting = pool.submit(town.world.run, f"update semap.track set {column} = {column}")
+        with connect(town.world.dsn) as observer:
+            await_lock(observer)
+            assert len(observer.execute("select from semap.track for update nowait").fetchall()) == 2
+        writer.commit()
+        waiting.result(PATIENCE_S)

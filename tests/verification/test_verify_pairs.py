@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 import shapely
-from pair_oracle import Question, Thing
+from pair_oracle import Question
 from pair_town import Town
 from semap_service.operations.doctor.verification import verify
 from server import fresh_database
@@ -100,7 +100,9 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
 
 
 OF_MAP = "map_id = (select map_id from semap.map where name = '{}')"
-MEMBER = "(key, query_id, is_object) = (select key, query_id, is_object from semap.pair_member where {} limit 1)"
+MEMBER = (
+    "(key, query_id, is_object) = (select key, query_id, is_object from semap.pair_member where {} limit 1)"
+)
 TRACK, INSTANCE = "track_id is not null", "instance_id is not null"
 ONE_PAIR = "pair_id = (select min(pair_id) from semap.pair where held and {})"
 
@@ -187,7 +189,11 @@ BROKEN = {
 
 def test_what_was_walked_is_right(broken: World) -> None:
     assert differing(broken.dsn) == {}
-    counts = dict(broken.rows("select m.name, count(*) from semap.pair p join semap.map m using (map_id) where held group by 1"))
+    counts = dict(
+        broken.rows(
+            "select m.name, count(*) from semap.pair p join semap.map m using (map_id) where held group by 1"
+        )
+    )
     assert set(HELD) | {"confirmed", "in front"} <= set(counts), "so that there is something to be looked at"
     crossed = broken.rows("select distinct query_id from semap.relation_change where kind = 'crossed'")
     assert len(crossed) == 1
@@ -212,7 +218,9 @@ def test_what_goes_on_after_a_repair_is_right(broken: World) -> None:
     dice = random.Random(5)
     for second in range(100, 105):
         for map_id, source_id in broken.rows("select map_id, source_id from semap.source"):
-            tracks = broken.rows("select track_id from semap.track where ended_at is null and source_id = %s", source_id)
+            tracks = broken.rows(
+                "select track_id from semap.track where ended_at is null and source_id = %s", source_id
+            )
             broken.add_states([(track, (second + map_id) * SECOND_US, dice.uniform(0, 6), dice.uniform(0, 6), 1.0)
                                for (track,) in tracks])  # fmt: skip
     assert differing(broken.dsn) == {}
