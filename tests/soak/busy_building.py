@@ -31,6 +31,9 @@ QUERIES = {
     "by the way": {"longest_gap": "3 s", "fastest_mps": 10, "leave_confirm": "0.5 s"},
     "of the first": {"subject_where": '{"op": "like", "args": [{"property": "source"}, "w1%"]}'},
     "likely": {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 2},
+    "near each other": {"predicate": "within_distance", "distance_m": 0.5, "leave_margin_m": 0.2, "object_kind": "track"},
+    "near the first": {"predicate": "nearest", "count": 1, "distance_m": 1, "object_kind": "track",
+                       "subject_where": '{"op": "like", "args": [{"property": "source"}, "w1%"]}'},
 }  # fmt: skip
 
 
@@ -229,8 +232,9 @@ def add_query(connection: psycopg.Connection, name: str) -> None:
     columns = "".join(f", {column}" for column in values)
     connection.execute(
         f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
-        f" select map_id, %s, concept_id{', %s' * len(values)} from semap.map, semap.concept c where c.name = 'Room'",
-        [name, *values.values()],
+        f" select map_id, %s, case when %s then concept_id end{', %s' * len(values)} from semap.map, semap.concept c"
+        " where c.name = 'Room'",
+        [name, values.get("object_kind") != "track", *values.values()],
     )
 
 
@@ -257,12 +261,18 @@ def end_track(connection: psycopg.Connection, dice: random.Random) -> None:
 
 
 def read(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
-    """Relations and presents, each in one snapshot: whoever is in a region lives."""
+    """Relations and presents, each in one snapshot: whoever is in a region or a pair lives."""
     with connect(shift.dsn, "semap_read") as connection:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         while not shift.is_over():
             with connection.transaction():
-                related = {row[0] for row in connection.execute("select track_id from semap.relation")}
+                related = {
+                    row[0]
+                    for row in connection.execute(
+                        "select track_id from semap.relation"
+                        " union select unnest(array[track_id, object_track_id]) from semap.pair"
+                    )
+                }
                 live = {
                     row[0] for row in connection.execute("select track_id from semap.track_now where live")
                 }

@@ -72,6 +72,7 @@ def test_writers_an_editor_and_readers_for_long(world: World) -> None:
     assert counts["states"] > 10 * SECONDS
     assert counts["handed over"] > SECONDS / 10
     assert counts["changes"] > SECONDS
+    assert world.one("select count(*) from semap.relation_change where object_track_id is not null") > SECONDS
     assert world.one("select count(*) from semap.track where name not like (select name from semap.source s"
                      " where s.source_id = track.source_id) || '-%%'") > 0, "tracks are at other sources"  # fmt: skip
     assert differing(world.dsn) == []
