@@ -68,8 +68,8 @@ begin
       select * into v_aside from unnest(p_asides) where track_id = v_state.track_id;
     end if;
     -- where nobody knows where it was, it may come from anywhere
-    v_passes := coalesce(not v_before.live or semap.can_follow(
-      p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m), true);
+    v_passes := case when v_before.live and v_before.x_m is not null then semap.can_follow(
+      p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m) else true end;
     if v_aside.stamp < v_state.stamp then
       if not v_passes and semap.can_follow(p_source, v_state.stamp - v_aside.stamp,
                                            v_state.x_m - v_aside.x_m, v_state.y_m - v_aside.y_m) then

@@ -6,6 +6,7 @@ import random
 from concurrent.futures import ThreadPoolExecutor
 from uuid import uuid4
 
+import pytest
 import shapely
 from careful_oracle import Asked, Follower, Sample
 from hypothesis import HealthCheck, given, settings
@@ -193,12 +194,13 @@ def test_a_region_counts_from_when_it_got_its_form(world: World) -> None:
     assert [change[4] / SECOND_US for change in world.changes() if change[0] == "old"] == [15, 20]
 
 
-def test_an_outlier_that_comes_late_corrects_nothing(world: World) -> None:
-    """One that the next state confirms does: the track did jump."""
+@pytest.mark.parametrize("states_before", [0, 40])
+def test_an_outlier_that_comes_late_corrects_nothing(world: World, states_before: int) -> None:
+    """One that the next state confirms does: the track did jump. What is looked at again need not begin with the track."""
     world.add_room("room", ROOM)
     track = world.add_track("t")
     world.run("update semap.source set jump_m = 3, jump_mps = 0.1")
-    world.add_states(states(track, *((at_s, 9) for at_s in range(10))))
+    world.add_states(states(track, *((at_s, 9) for at_s in range(-states_before, 10))))
     world.add_states(states(track, (4.5, 2)))
     assert world.changes() == []
     world.add_states(states(track, (4.6, 2.5)))
