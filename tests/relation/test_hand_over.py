@@ -117,6 +117,15 @@ def test_who_has_written_states_hands_over_later(world: World) -> None:
             writer.execute(HAND_OVER, [[track], other])
 
 
+@pytest.mark.parametrize("column", ["source_id", "map_id", "uid", "name", "concept_id", "attributes"])
+def test_who_describes_a_track_holds_regions_before_its_row(world: World, column: str) -> None:
+    world.add_track("t")
+    with connect(world.dsn, autocommit=False) as writer:
+        writer.execute(f"update semap.track set {column} = {column} where false")
+        held = "select mode from pg_locks where pid = pg_backend_pid() and locktype = 'advisory' and classid = 7363"
+        assert writer.execute(held).fetchall() == [("ExclusiveLock",)]
+
+
 def test_a_track_stays_on_its_map(world: World) -> None:
     elsewhere = World(world.dsn, "elsewhere")
     track = world.add_track("t")
