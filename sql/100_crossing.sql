@@ -14,18 +14,20 @@ comment on function semap.change_uid is
 create or replace function semap.crossed_at(
   p_region_id integer, p_x_m double precision, p_y_m double precision,
   out edge integer, out door_id bigint, out door_name text
-) language plpgsql stable as $$
+) language plpgsql stable strict as $$ -- an outline is taken apart only where there is an edge to be found
 declare
+  c_near_m       constant double precision := 0.001;
   v_point        public.geometry := public.st_point(p_x_m, p_y_m);
   v_instance_id  bigint;
-  v_distance_m   double precision;
 begin
-  select r.instance_id, s.ordinal, public.st_distance(s.geom, v_point) into v_instance_id, edge, v_distance_m
+  select r.instance_id, s.ordinal into v_instance_id, edge
   from semap.region r, public.st_dumpsegments(r.footprint) with ordinality as s (path, geom, ordinal)
   where r.region_id = p_region_id and r.predicate in ('contains', 'covers')
+    and public.st_dwithin(public.st_boundary(r.footprint), v_point, c_near_m)
+    and s.geom operator(public.&&) public.st_expand(v_point, c_near_m)
+    and public.st_distance(s.geom, v_point) <= c_near_m
   order by public.st_distance(s.geom, v_point), ordinal limit 1;
-  if v_distance_m is null or v_distance_m > 0.001 then
-    edge := null;
+  if edge is null then
     return;
   end if;
   select i.instance_id, i.name into door_id, door_name
@@ -63,7 +65,7 @@ begin
     cross join lateral (select uid, name from semap.track t where t.track_id = c.track_id offset 0) t
     left join lateral (select since, ctid as place from semap.relation n
                        where n.track_id = c.track_id and n.region_id = c.region_id offset 0) n on true
-    left join lateral semap.crossed_at(c.region_id, c.x_m, c.y_m) w on c.x_m is not null and c.cause = 'moved'
+    left join lateral semap.crossed_at(c.region_id, case when c.cause = 'moved' then c.x_m end, c.y_m) w on true
     window one_pair as (partition by c.track_id, c.region_id order by c.place)
   ), changed as (
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,

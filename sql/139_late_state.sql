@@ -20,9 +20,9 @@ language sql as $$
     where c.uid = any (p_uids) and c.kind = 'ended');
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since,
-    x_m, y_m, amendment, retracts)
+    x_m, y_m, edge, door_id, door_name, amendment, retracts)
   select md5(uid || '|retracted')::uuid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind,
-         cause, stamp, edge_at, since, x_m, y_m, 'retracted', uid
+         cause, stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'retracted', uid
   from semap.relation_change where uid = any (p_uids) order by stamp, edge_at, change_id
 $$;
 comment on function semap.take_back is
@@ -51,11 +51,13 @@ begin
   end if;
 
   with told as (
-    select c.*, u.uid, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name, t.name as track_name
+    select c.*, u.uid, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name, t.name as track_name,
+           w.edge, w.door_id, w.door_name
     from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, edge_at, since, x_m, y_m, place)
     join unnest(v_uids) with ordinality as u (uid, place) using (place)
     join semap.region r using (region_id)
     join semap.track t on t.track_id = (p_now).track_id
+    left join lateral semap.crossed_at(c.region_id, case when c.cause = 'moved' then c.x_m end, c.y_m) w on true
   ), past as (
     insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
                                      since, until)
@@ -64,9 +66,9 @@ begin
   )
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since,
-    x_m, y_m, amendment)
+    x_m, y_m, edge, door_id, door_name, amendment)
   select uid, (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, kind, cause,
-         stamp, edge_at, since, x_m, y_m, 'added'
+         stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'added'
   from told order by stamp, edge_at, cause = 'disappeared', kind desc, instance_uid, place;
 end $$;
 comment on function semap.add_changes is

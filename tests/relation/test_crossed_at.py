@@ -58,6 +58,49 @@ def test_a_change_that_is_not_on_the_boundary_names_neither(world: World) -> Non
     assert walk(world, (1.5, -9), (1.5, 1)) == [("began", None, None)]
 
 
+def test_what_late_states_correct_says_through_what_as_well(world: World) -> None:
+    world.ask(WAYS)
+    room = world.add_room("hall", ROOM)
+    add_door(world, "south", shapely.box(1, -0.3, 2, -0.1), room)
+    add_door(world, "east", shapely.box(6, 1, 6.2, 2), room)
+    places = [(1.5, -1), (1.5, 1), (5, 1.5), (7, 1.5), (7, 3), (4.5, 3), (4.5, 5)]
+    walk(world, *places)
+    standing = (
+        "select kind::text, edge_at, edge, door_id, door_name from semap.relation_change c"
+        " where track_name = %s and amendment is distinct from 'retracted'"
+        " and not exists (select from semap.relation_change d where d.retracts = c.uid) order by edge_at"
+    )
+    late = world.add_track("late")
+    seen = [Sample(n * SECOND_US, x, y, None) for n, (x, y) in enumerate(places)]
+    world.add_samples(late, seen[::3])
+    world.add_samples(late, [each for n, each in enumerate(seen) if n % 3])
+    assert world.rows(standing, "late") == world.rows(standing, "walker")
+    told = "uid, edge, door_id, door_name"
+    taken_back = world.rows(
+        f"select {told} from semap.relation_change where uid in (select retracts from semap.relation_change)"
+        " order by uid"
+    )
+    assert taken_back
+    assert taken_back == world.rows(
+        f"select {told.replace('uid', 'retracts')} from semap.relation_change where amendment = 'retracted'"
+        " order by retracts"
+    )
+
+
+def test_outlines_are_not_looked_at_where_nobody_asks_for_ways(world: World) -> None:
+    world.add_room("hall", ROOM)
+    track_id = world.add_track("walker")
+    world.run("set track_functions = 'all'")
+    with world.connection.transaction():
+        world.add_states(
+            [(track_id, n * SECOND_US, x, 1.0, None) for n, x in enumerate((-1.0, 1.0, 7.0))]
+        )
+        calls = world.rows("select funcname::text from pg_stat_xact_user_functions where schemaname = 'semap'")
+    assert len(world.changes()) == 2
+    assert ("record_crossings",) in calls
+    assert ("crossed_at",) not in calls
+
+
 def test_edges_are_those_that_are_nearest_to_the_place(world: World) -> None:
     world.ask(WAYS)
     dice = random.Random(7)
