@@ -222,7 +222,7 @@ begin
       select * into v_again from semap.arrivals_again(
         p_source, v_states, p_now, v_is_first,
         array(select distinct stamp from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, v_first, v_last)
-              where cause = 'disappeared'
+              where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
               union select (p_now).stamp where v_is_present and not (p_now).live),
         v_late_to);
       select * into v_found from semap.follow_steps(

@@ -209,6 +209,21 @@ def test_an_outlier_that_comes_late_corrects_nothing(world: World, states_before
     ]  # fmt: skip
 
 
+def test_who_was_near_one_that_ended_has_not_ended(world: World) -> None:
+    world.add_room("room", ROOM)
+    world.run(
+        "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, distance_m)"
+        " values (%s, 'near', 'within_distance', 'track', 'track', 5)", world.map_id,
+    )  # fmt: skip
+    one, other = world.add_track("one"), world.add_track("other")
+    for at_s in (1, 2, 4):
+        world.add_states([*states(one, (at_s, 2)), (other, at_s * SECOND_US, 1.0, 2.0, None, at_s == 4)])
+    world.add_states(states(one, (6, 2), (7, 2)))
+    world.add_states(states(one, (3, 3)))
+    assert world.rows("select count(*) from semap.relation_change where amendment is not null") == [(0,)]
+    assert world.relations() == {("one", "room", SECOND_US)}
+
+
 def test_packed_states_count_as_others_do(world: World) -> None:
     world.add_room("room", ROOM)
     track = world.add_track("t")
