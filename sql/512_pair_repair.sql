@@ -7,19 +7,25 @@ returns table (query_id integer, subject_key bigint, object_key bigint)
 language plpgsql as $$
 #variable_conflict use_column
 begin
+  drop table if exists pg_temp.semap_side;
+  create temporary table semap_side on commit drop as
+    select query_id, key, is_object from semap.wanted_members(p_map_id);
+  create index on pg_temp.semap_side (key);
   drop table if exists pg_temp.semap_open;
   create temporary table semap_open on commit drop as
-    select c.*, coalesce(c.track_id, -c.subject_instance_id) as subject_key, coalesce(c.object_track_id, -c.instance_id) as object_key,
-           s.key is not null and o.key is not null as is_there
+    select c.*, k.*,
+           exists (select from pg_temp.semap_side s where s.key = k.subject_key and s.query_id = c.query_id and not s.is_object)
+           and exists (select from pg_temp.semap_side s where s.key = k.object_key and s.query_id = c.query_id and s.is_object)
+             as is_there
     from semap.folded_changes(p_map_id) f
     cross join lateral (select (f.change).*) c
-    left join semap.wanted_members(p_map_id) s
-      on s.query_id = c.query_id and s.key = coalesce(c.track_id, -c.subject_instance_id) and not s.is_object
-    left join semap.wanted_members(p_map_id) o
-      on o.query_id = c.query_id and o.key = coalesce(c.object_track_id, -c.instance_id) and o.is_object
+    cross join lateral (select coalesce(c.track_id, -c.subject_instance_id) as subject_key,
+                               coalesce(c.object_track_id, -c.instance_id) as object_key) k
     where f.is_newest and c.kind = 'began'
       and (c.track_id is null or c.instance_id is null
            or exists (select from semap.continuous_query q where q.query_id = c.query_id and q.in_pairs));
+  create index on pg_temp.semap_open (subject_key);
+  analyze pg_temp.semap_side, pg_temp.semap_open;
 
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
@@ -67,12 +73,15 @@ declare
   v_changed  record;
 begin
   perform semap.pair_as_told(p_map_id);
-  delete from semap.pair
-  where pair_id in (select (pair).pair_id from semap.standing_pairs(p_map_id) where not have_members);
+  delete from semap.pair p
+  where p.map_id = p_map_id and not (
+    exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id and not s.is_object)
+    and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id and s.is_object));
 
   drop table if exists pg_temp.semap_differing;
   create temporary table semap_differing on commit drop as
     select key, query_id, is_object from semap.pair_member_differences(p_map_id);
+  analyze pg_temp.semap_differing;
   delete from semap.pair_member m using pg_temp.semap_differing d
   where m.key = d.key and m.query_id = d.query_id and m.is_object = d.is_object;
   insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, instance_id, uid, name, stamp,
