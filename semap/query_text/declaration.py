@@ -162,7 +162,7 @@ class _Reading:
         between = distance_between(order)
         if between is None:
             raise Refusal("order by", select.order.at)
-        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+        if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= MOST:
             raise Refusal("limit count", select.limit.at)
         nearest = replace(near_by(*between, self.views).told(count=count), predicate="nearest")
         self.limited = side
@@ -258,6 +258,8 @@ class _Reading:
         return relation
 
 
+MOST = 100
+"""So many nearest are kept at most."""
 HEIGHTS = ("z_m", "z_min_m", "z_max_m")
 
 

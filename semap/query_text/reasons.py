@@ -96,7 +96,7 @@ REASONS: Mapping[str, tuple[str, str]] = {
         "LIMIT without ORDER BY takes any",
         "Write: order by r.footprint <-> t.position limit 3.",
     ),
-    "limit count": ("the number of the nearest is no whole number above 0", "Write: limit 3."),
+    "limit count": ("the number of the nearest is no whole number from 1 to 100", "Write: limit 3."),
     "farthest": ("the farthest are not kept", "Leave DESC out for the nearest."),
     "order by": (
         "the nearest are ordered by one distance between the two sides",

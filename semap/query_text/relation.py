@@ -31,11 +31,10 @@ class Number:
 
     name: str
     what: str
-    highest: float = math.inf
-    may_be_zero: bool = False
+    highest: float
 
 
-DISTANCE = Number("distance_m", "the distance", may_be_zero=True)
+DISTANCE = Number("distance_m", "the distance", 1e4)
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ OF_ROWS: Mapping[str, OfRows] = {
     "approaches": OfRows(
         "approaching",
         "approaches(t, d, 0.5, 10)",
-        (Number("speed_mps", "the speed"), DISTANCE),
+        (Number("speed_mps", "the speed", 1e4), DISTANCE),
         by_track=True,
     ),
 }
@@ -90,13 +89,13 @@ UNKEPT: Mapping[str, str] = {
     "st_orderingequals": "Use ST_DWithin with a distance.",
     "st_dfullywithin": "Use ST_DWithin.",
     "st_3ddfullywithin": "Use ST_3DDWithin.",
-    "st_3dintersects": "Use is_near(t, r, 0).",
+    "st_3dintersects": "Use is_in(t, r), which looks at heights, or ST_Intersects.",
     "st_maxdistance": "Use ST_DWithin.",
     "st_hausdorffdistance": "Use ST_DWithin.",
     "st_distancesphere": "Use ST_Distance: a map is in metres.",
     "st_distancespheroid": "Use ST_Distance: a map is in metres.",
     "&&": "Boxes are not compared: use ST_Intersects.",
-    "&&&": "Boxes are not compared: use is_near(t, r, 0).",
+    "&&&": "Boxes are not compared: use is_in(t, r), which looks at heights, or ST_Intersects.",
     "<#>": "Boxes are not compared: use <->.",
     "<<->>": "Use ST_3DDWithin.",
     "|=|": "Use ST_DWithin.",
@@ -217,8 +216,6 @@ def _compared_distance(whole: Call, left: Expression, right: Expression, views: 
         raise Refusal("distance", left.at)
     distance_m = _number(right, DISTANCE)
     if whole.op == "<":
-        if distance_m == 0:
-            raise Refusal("number", right.at, what="the distance", range="is above 0")
         distance_m = math.nextafter(distance_m, 0)  # the next one that is less
     return near_by(*between, views).told(distance_m=distance_m)
 
@@ -335,10 +332,7 @@ def _number(expression: Expression, wanted: Number) -> float:
             value = float(number)
         case Function(name="radians", args=(Constant(value=int() | float() as degrees),)):
             value = math.radians(degrees)
-    is_low = value is None or value < 0 or (value == 0 and not wanted.may_be_zero)
-    if value is None or is_low or not value <= wanted.highest or value == math.inf:
-        limits = "is at least 0" if wanted.may_be_zero else "is above 0"
-        if wanted.highest < math.inf:
-            limits += f" and at most {wanted.highest:.4g}"
+    if value is None or not 0 < value <= wanted.highest:
+        limits = f"is above 0 and at most {wanted.highest:,.6g}"
         raise Refusal("number", expression.at, what=wanted.what, range=limits)
     return value

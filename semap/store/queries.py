@@ -25,6 +25,7 @@ from semap.model.continuous_query import (
 from semap.store.concept import concept_id
 from semap.store.database import translated
 from semap.store.maps import map_id_of
+from semap.store.query_bounds import require_within_bounds
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
 
 Flat = Literal["Footprint", "FootprintBox", "FootprintHull", "AxisAligned2D", "Position2D", "Line"]
@@ -283,6 +284,7 @@ def _check(declaration: Declaration) -> None:
         )
     _check_sides(declaration)
     _check_parameters(declaration)
+    require_within_bounds(declaration)
     if declaration.in_pairs:
         _check_edges_of_pairs(declaration)
     kinds = declaration.subject.kind, declaration.object.kind
@@ -317,8 +319,6 @@ def _check_parameters(declaration: Declaration) -> None:
             raise InvalidInput(f"{predicate} needs {'an' if called[0] in 'aeiou' else 'a'} {called}", remedy)
         if value is not None and name not in needed + taken:
             raise InvalidInput(f"{predicate} takes no {called}", "Leave it out.")
-        if isinstance(value, int | float) and name != "distance_m" and value <= 0:
-            raise InvalidInput(f"the {called} is not above 0", remedy)
 
 
 def _check_edges_of_pairs(declaration: Declaration) -> None:

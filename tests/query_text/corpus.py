@@ -251,6 +251,8 @@ REFUSED = [
     ("limit count", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position"
                     " limit 0) n", "0"),
     ("limit count", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position"
+                    " limit 101) n", "101"),
+    ("limit count", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position"
                     " limit 1 + 1) n", "+ 1"),
     ("farthest", "select * from track t, lateral (select * from room r order by r.footprint <-> t.position desc"
                  " limit 1) n", "<->"),
@@ -285,11 +287,14 @@ REFUSED = [
     ("distance", HEAD + "ST_Distance(t.position, r.footprint) < t.speed_mps", "< t.speed"),
     ("distance", HEAD + "ST_Distance(t.position, r.footprint)", "ST_Distance"),
     ("number", HEAD + "ST_DWithin(t.position, r.footprint, -1)", "-1"),
+    ("number", HEAD + "ST_DWithin(t.position, r.footprint, 0)", "0)"),
+    ("number", HEAD + "ST_DWithin(t.position, r.footprint, 10001)", "10001"),
     ("number", HEAD + "ST_DWithin(t.position, r.footprint, t.std_m)", "t.std_m"),
     ("number", HEAD + "ST_Distance(t.position, r.footprint) < 0", "0"),
     ("number", HEAD + "faces(t, r, 4)", "4"),
     ("number", HEAD + "faces(t, r, 0)", "0"),
     ("number", HEAD + "approaches(t, r, 0, 5)", "0, 5"),
+    ("number", HEAD + "approaches(t, r, 1e5, 5)", "1e5"),
     ("number", HEAD + "ST_DWithin(t.position, r.footprint, 1e999)", "1e999"),
     ("arguments", HEAD + "ST_Contains(r.footprint)", "ST_Contains"),
     ("arguments", HEAD + "faces(t, r)", "faces"),
