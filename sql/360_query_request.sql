@@ -126,9 +126,9 @@ begin
   end if;
   select r.state, r.line, r."column", r.reason, r.remedy
   into state, line, "column", reason, remedy
-  from semap.query_requests r where r.map_id = v_map_id and r.name = p_name and r.state <> 'made'
+  from semap.query_requests r where r.map_id = v_map_id and r.name = p_name
   order by r.request_id desc limit 1;
-  if not found then
+  if not found or state = 'made' then -- and dropped since
     perform semap.no_such_query(p_name);
   end if;
 end $$;

@@ -102,6 +102,9 @@ def test_what_cannot_be_kept_is_an_error_with_its_place_and_remedy(
     with a_worker(world.dsn):  # it may be asked for again, better
         assert writer.execute(MAKE, ["touching", IN_ROOM]).fetchone() is not None
     assert states(writer) == [("touching", "refused"), ("touching", "made")]
+    writer.execute("select semap.drop_continuous_query('touching')")
+    kind, message, _ = refused(writer, "select semap.continuous_query_state('touching')")
+    assert (kind, message) == (errors.NoDataFound, "There is no continuous query touching.")
 
 
 def test_a_request_is_told_when_its_transaction_is_committed(
