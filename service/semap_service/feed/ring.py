@@ -235,8 +235,8 @@ class Feed:
             self._wake()
 
     async def _follow(self) -> None:
-        listener = await self._ask_alone(self._listen)
         try:
+            listener = await self._ask_alone(self._listen)
             await self._align()
             self.connected = True
             while True:
