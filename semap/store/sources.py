@@ -25,8 +25,8 @@ class Settings:
     """How far a source is believed.
 
     lateness_s  rules wait so long for rows of it that come after others of later stamps
-    jump_m      a position further from the last one than this, and than `jump_mps` allows for the time
-                between, is set aside until the next one agrees with it; None: every position is taken
+    jump_m      a position further from the last one than this, and `jump_mps` for the time between added
+                to it, is set aside until the next one agrees with it; None: every position is taken
     """
 
     lateness_s: float = 0.0

@@ -63,6 +63,16 @@ def test_what_holds_now_and_what_held(scene: World) -> None:
         ("track_in_room", "ann", "hall", None),
     ]
     assert "held then" in done(scene.dsn, "relations", "--as-of", stamp(-5))
+    for nowhere in (
+        ("relations", "--map", "nowhere"),
+        ("query", "now", "nothing"),
+        ("query", "list", "--map", "x"),
+    ):
+        ran = semap(scene.dsn, *nowhere)
+        assert (
+            ran.returncode,
+            f"no {'query' if 'now' in nowhere else 'map'} {nowhere[-1]}" in ran.stderr,
+        ) == (2, True)
     both = semap(scene.dsn, *between, *then)
     assert (both.returncode, "Leave one out" in both.stderr) == (2, True)
 
@@ -85,6 +95,8 @@ def test_the_list_says_what_is_related_to_what(scene: World) -> None:
     [
         (("--object", "tracks"), "neither track nor instance"),
         (("--predicate", "nearest"), "needs a count"),
+        (("--confirm", "1e30"), "a time to confirm entering"),
+        (("--between-samples", "--fastest", "nan"), "a highest speed"),
         (("--sql", "select * from track t, room r where is_in(t, r)"), "--sql"),
     ],
 )

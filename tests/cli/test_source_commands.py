@@ -43,6 +43,8 @@ def test_sources_are_believed_as_far_as_is_said(office: Semap) -> None:
     status, _, told = office("source", "set", "nobody", *of_it)
     assert (status, "There is no source nobody." in told) == (2, True)
     assert settings(office("source", "list", *of_it)[1]) == [("walk", 1.5, None, 2)]
+    status, _, told = office("source", "list", "--map", "nowhere")
+    assert (status, "There is no map nowhere." in told) == (2, True)
 
 
 def test_tracks_are_what_is_said(office: Semap) -> None:

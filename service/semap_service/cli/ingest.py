@@ -144,7 +144,7 @@ def tracks(
     if inside is not None:
         typer.echo(f"{100 * inside / len(read):.1f} % of the file's states lie inside a room.")
     if done.late:
-        typer.echo(f"{done.late} states came late: they are kept, but changed no relation.")
+        typer.echo(f"{done.late} states came late: they corrected what was known of the past.")
     if inside == 0:
         typer.echo("No state lies inside a room: check --unit, --frame and the map.", err=True)
 

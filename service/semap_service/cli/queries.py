@@ -42,9 +42,12 @@ def commands() -> typer.Typer:
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the continuous queries."""
     from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.maps import get_map  # noqa: PLC0415
     from semap.store.queries import list_queries  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
         found = list_queries(connection, map_name=map_name, limit=1000)
     rows = [
         {

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap.errors import InvalidInput
+from semap.errors import InvalidInput, NotFound
 from semap_service.cli.output import print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.cli.stamp import AsOf, From, To, require_order
+
+if TYPE_CHECKING:
+    import psycopg
 
 CHOSEN = """
     (%(map)s::text is null or map = %(map)s) and (%(query)s::text is null or query = %(query)s)
     and (%(track)s::text is null or track = %(track)s or object_track = %(track)s)
     and (%(room)s::text is null or instance = %(room)s or subject_instance = %(room)s)
+"""
+KNOWN = """
+    select %(map)s::text is null or exists (select from semap.map where name = %(map)s),
+           %(query)s::text is null or exists (
+             select from semap.continuous_query q join semap.map m using (map_id)
+             where q.name = %(query)s and (%(map)s::text is null or m.name = %(map)s))
 """
 NOW = f"""
     select map, query, subject, object, since from semap.relation_now where {CHOSEN}
@@ -84,4 +93,15 @@ def show(chosen: Chosen, as_json: bool, dsn: str | None) -> None:
         cursor = connection.execute(statement, vars(chosen))
         columns = [column.name for column in cursor.description or ()]
         rows = [dict(zip(columns, row, strict=True)) for row in cursor]
+        if not rows:
+            _require_known(connection, chosen)
     print_rows(rows, as_json, "No relation holds now." if statement == NOW else "No relation held then.")
+
+
+def _require_known(connection: psycopg.Connection, chosen: Chosen) -> None:
+    """raises NotFound where nothing can hold, since there is no such map or query"""
+    is_map, is_query = connection.execute(KNOWN, vars(chosen)).fetchone() or (True, True)
+    if not is_map:
+        raise NotFound("map", chosen.map, "List the maps: semap map list")
+    if not is_query:
+        raise NotFound("query", chosen.query, "List the queries: semap query list")

@@ -30,9 +30,12 @@ def list_all(
 ) -> None:
     """List the sources with their settings, and how much of each was set aside or came late."""
     from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.maps import get_map  # noqa: PLC0415
     from semap.store.sources import list_sources  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
         found = list_sources(connection, map_name=map_name, limit=1000)
     print_rows([_row(each) for each in found], as_json, "No sources. Bring in movement: semap ingest --help")
 
@@ -49,8 +52,8 @@ def change(
     jump: Annotated[
         str | None,
         typer.Option(
-            help="A position further from the last one than this [m] is set aside until the next one agrees"
-            " with it; none: every position is taken."
+            help="A position further from the last one than this [m], and --jump-speed for the time since, is"
+            " set aside until the next one agrees with it; none: every position is taken."
         ),
     ] = None,
     jump_speed: Annotated[

@@ -14,7 +14,10 @@ def read_stamp(text: str) -> datetime:
     """raises InvalidInput for what is no ISO 8601 stamp with its offset"""
     from semap.timeline.stamp import parse_stamp, to_datetime  # noqa: PLC0415
 
-    return to_datetime(parse_stamp(text))
+    try:
+        return to_datetime(parse_stamp(text))
+    except InvalidInput as error:
+        raise InvalidInput(str(error), "Write it as 2026-01-31T12:00:00Z.") from error
 
 
 From = Annotated[

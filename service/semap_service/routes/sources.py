@@ -19,7 +19,7 @@ router = APIRouter(tags=["sources"], route_class=TaggedRoute)
 
 LATENESS = "How long rules wait for rows of it that come after others of later stamps [s]."
 JUMP = (
-    "A position further from the last one than this, and than `jump_mps` allows for the time between, is set"
+    "A position further from the last one than this, and `jump_mps` for the time between added to it, is set"
     " aside until the next one agrees with it. null: every position is taken."
 )
 
