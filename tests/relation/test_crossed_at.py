@@ -92,10 +92,10 @@ def test_outlines_are_not_looked_at_where_nobody_asks_for_ways(world: World) -> 
     track_id = world.add_track("walker")
     world.run("set track_functions = 'all'")
     with world.connection.transaction():
-        world.add_states(
-            [(track_id, n * SECOND_US, x, 1.0, None) for n, x in enumerate((-1.0, 1.0, 7.0))]
+        world.add_states([(track_id, n * SECOND_US, x, 1.0, None) for n, x in enumerate((-1.0, 1.0, 7.0))])
+        calls = world.rows(
+            "select funcname::text from pg_stat_xact_user_functions where schemaname = 'semap'"
         )
-        calls = world.rows("select funcname::text from pg_stat_xact_user_functions where schemaname = 'semap'")
     assert len(world.changes()) == 2
     assert ("record_crossings",) in calls
     assert ("crossed_at",) not in calls
