@@ -91,6 +91,17 @@ _RESULT = text("""
     select place, result from semap.result_page(:query_id, cast(:after as bigint[]), :limit)
 """)
 
+_LACKING = text("""
+    select case
+      when in_pairs then exists (
+        select from (values (false, subject_kind), (true, object_kind)) s (is_object, kind)
+        where kind = 'instance' and not exists (
+          select from semap.pair_member m
+          where m.query_id = q.query_id and m.is_object = s.is_object and m.instance_id is not null))
+      else not exists (select from semap.region r where r.query_id = q.query_id) end
+    from semap.continuous_query q where q.query_id = :query_id and q.enabled
+""")
+
 
 @dataclass(frozen=True)
 class Query:
@@ -176,6 +187,12 @@ def declaration_from_sql(connection: Connection, name: str, sql: str) -> Declara
     with translated():
         concepts = connection.scalars(select(concept.c.name)).all()
     return declaration_of(name, sql, concepts)
+
+
+def lacks_instances(connection: Connection, query: Query) -> bool:
+    """Whether a side of a query is of instances, and no instance that is meant has what it compares."""
+    with translated():
+        return bool(connection.scalar(_LACKING, {"query_id": query.query_id}))
 
 
 def change_query(

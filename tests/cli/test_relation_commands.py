@@ -90,6 +90,19 @@ def test_the_list_says_what_is_related_to_what(scene: World) -> None:
     assert (whole["subject"]["kind"], whole["angle_rad"]) == ("instance", pytest.approx(0.2618, abs=1e-4))
 
 
+def test_a_query_of_nothing_says_so(world: World) -> None:
+    """A door has no outline here, a room has."""
+    world.add_room("hall", shapely.box(4, 0, 8, 4))
+    crossing = ("query", "add", "--map", "world", "--predicate", "crosses")
+    told = [
+        semap(world.dsn, *crossing, "doors", "--concept", "Door").stderr,
+        semap(world.dsn, "query", "add", "in_door", "--map", "world", "--concept", "Door").stderr,
+        semap(world.dsn, *crossing, "rooms", "--concept", "Room").stderr,
+        semap(world.dsn, *NEAR, "--predicate", "within_distance", "--distance", "2").stderr,
+    ]
+    assert ["nothing can hold" in each for each in told] == [True, True, False, False], told
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

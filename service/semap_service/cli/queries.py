@@ -115,9 +115,11 @@ def add(
     """Keep a relation of tracks or instances true, from now on. What holds now is noted at once.
 
     semap query add near_door --map office --concept Door --predicate within_distance --distance 1
+
+    semap query add close --map office --object track --predicate within_distance --distance 2
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import add_query, declaration_from_sql  # noqa: PLC0415
+    from semap.store.queries import add_query, declaration_from_sql, lacks_instances  # noqa: PLC0415
 
     edges = options.edges(
         debounce, margin, confirm, probability, (longest_gap, fastest) if between_samples else None
@@ -140,6 +142,13 @@ def add(
             options.require_plain(asked)
             asked = declaration_from_sql(connection, name, sql)
         made = add_query(connection, map_name, replace(asked, **edges), sql=sql)
+        is_empty = lacks_instances(connection, made)
+    if is_empty:
+        typer.echo(
+            f"note: no instance of map {map_name} that it is about has the abstraction"
+            f" {made.declaration.abstraction}: nothing can hold until one has",
+            err=True,
+        )
     typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
 
