@@ -129,7 +129,7 @@ def _refusal(error: CallerError) -> Mapping[str, object]:
     found = re.fullmatch(r"line (\d+), column (\d+)", place)
     reason = str(error) if found is None else str(error).removeprefix(f"{place}: ")
     at = {} if found is None else {"line": int(found[1]), "column": int(found[2])}
-    return {**at, "reason": reason, "remedy": error.remedy}
+    return {**at, "reason": reason, "remedy": error.remedy or "See semap.query_requests."}
 
 
 _WAITS = select(query_request.c.request_id).where(query_request.c.answered_at.is_(None)).limit(1)

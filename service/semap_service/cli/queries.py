@@ -114,7 +114,7 @@ def add(
 ) -> None:
     """Keep a relation of tracks or instances true, from now on. What holds now is noted at once.
 
-    semap query add near_door --map office --concept Door --predicate within_distance --distance 1
+    semap query add near_room --map office --concept Room --predicate within_distance --distance 1
 
     semap query add close --map office --object track --predicate within_distance --distance 2
     """
