@@ -110,7 +110,8 @@ comment on view semap.pair_track_wanted is
 
 -- Put tracks where these states say, each one of another track, on both sides of all queries; those that appear come in.
 create or replace function semap.place_tracks(p_states semap.arrival[], p_appeared bigint[]) returns void
-language plpgsql as $$
+language plpgsql
+set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
 begin
   if p_appeared is not null then
     insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, uid, name)
@@ -124,11 +125,12 @@ begin
       box = semap.pair_box(floor(st_xmin(s.shape) / 2) * 2, floor(st_ymin(s.shape) / 2) * 2,
                            ceil(st_xmax(s.shape) / 2) * 2, ceil(st_ymax(s.shape) / 2) * 2, m.query_id, m.is_object)
   from unnest(p_states) a
-  cross join lateral (select * from semap.pair_member k where k.key = a.track_id offset 0) n
+  -- each is found once by its key and then by its place, whatever was known of the table when this was planned
+  cross join lateral (select k.*, k.ctid as row_place from semap.pair_member k where k.key = a.track_id offset 0) n
   cross join lateral (select predicate, distance_m from semap.continuous_query c where c.query_id = n.query_id offset 0) q
   cross join lateral (select semap.track_shape(q.predicate, n.is_object, q.distance_m, a.x_m, a.y_m,
                                                a.heading_rad, a.length_m, a.width_m) as shape offset 0) s
-  where m.key = n.key and m.query_id = n.query_id and m.is_object = n.is_object;
+  where m.ctid = n.row_place;
 end $$;
 comment on function semap.place_tracks is
   'Put tracks where these states say, on both sides of all queries; those that appear come in.';

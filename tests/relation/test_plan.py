@@ -10,6 +10,7 @@ import shapely
 from sqlalchemy.dialects import postgresql
 from world import World
 
+from semap.store.database import connect
 from semap.store.events import EVENTS
 
 
@@ -83,3 +84,37 @@ def test_events_are_read_without_a_plan_for_each_day(large: World) -> None:
     relations = {node["Relation Name"] for node in explain(large, statement) if "Relation Name" in node}
     assert "event" in relations
     assert not {name for name in relations if name.startswith("track_state")}
+
+
+def test_tracks_in_pairs_are_found_by_key_though_the_table_was_empty_when_it_was_analyzed(
+    world: World,
+) -> None:
+    """What was known of the table is of the time before a query was added, or its tracks came."""
+    tracks = 300
+    world.run(
+        "insert into semap.track (uid, source_id, map_id, name)"
+        " select gen_random_uuid(), %s, %s, n from generate_series(1, %s) n", world.source_id, world.map_id, tracks,
+    )  # fmt: skip
+    world.run(
+        "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, distance_m)"
+        " values (%s, 'near', 'within_distance', 'track', 'track', 1)", world.map_id,
+    )  # fmt: skip
+
+    def move(at_s: int) -> None:
+        world.run(
+            "insert into semap.track_state (track_id, stamp, x_m, y_m)"
+            " select track_id, to_timestamp(%s), track_id %% 20 * 5, track_id / 20 * 5 from semap.track", at_s,
+        )  # fmt: skip
+
+    move(1)
+    world.run("update semap.track set ended_at = to_timestamp(2)")
+    world.run("vacuum (analyze, truncate off) semap.pair_member")
+    with connect(world.dsn) as fresh:
+        world.connection.close()
+        world.connection = fresh
+        with fresh.transaction():
+            move(3)
+            (read,) = world.rows(
+                "select seq_tup_read + idx_tup_fetch from pg_stat_xact_user_tables where relname = 'pair_member'"
+            )
+        assert tracks <= read[0] <= 20 * tracks
