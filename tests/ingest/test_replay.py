@@ -128,16 +128,22 @@ def test_another_file_goes_on_with_open_tracks(world: World) -> None:
     assert world.rows("select ended_at is not null from semap.track") == [(True,)] * 3
 
 
-def test_late_states_are_kept_and_counted(world: World) -> None:
+def test_late_states_are_counted_and_correct_what_was_told(world: World) -> None:
     world.add_room("room", shapely.box(-1, -1, 100, 1))
     replay(world.dsn, replace(PLAN, keep_open=True), walk(60))
     early = walk(60)
     early = replace(early, stamp_us=early.stamp_us - 100 * SECOND_US)
-    before = world.changes()
-    done = replay(world.dsn, replace(PLAN, fingerprint="f2"), early)
+    tracks = len({track for track, *_ in world.changes()})
+    done = replay(world.dsn, replace(PLAN, fingerprint="f2", keep_open=True), early)
     assert done.late == 60
     assert len(stored(world)) == 120
-    assert world.changes() == before
+    first = to_datetime(int(early.stamp_us.min()))
+    held = world.rows("select since from semap.relation where map_id = %s order by since", world.map_id)
+    assert (len(held), held[0][0]) == (tracks, first), "everybody is in the room since the earliest state"
+    assert world.rows(
+        "select amendment, count(*) from semap.relation_change where map_id = %s group by 1 order by 1",
+        world.map_id,
+    ) == [("added", tracks), ("retracted", tracks), (None, tracks)]
 
 
 def test_an_unknown_map(world: World) -> None:
