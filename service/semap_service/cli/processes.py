@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Annotated
 
@@ -97,6 +96,8 @@ def up(
 
 def answers(host: str, port: int) -> bool:
     """Whether the service takes requests."""
+    from http.client import HTTPConnection, HTTPException  # noqa: PLC0415
+
     asking = HTTPConnection(EVERYWHERE.get(host, host), port, timeout=1)
     try:
         asking.request("GET", "/health")
