@@ -25,6 +25,7 @@ from semap.model.continuous_query import (
 )
 from semap.store import queries
 from semap.store.maps import get_map
+from semap.store.query_check import PARAMETERS, Flat
 from semap_service.document import (
     LARGEST_ID,
     After,
@@ -99,7 +100,7 @@ class BetweenSamplesDocument(Request):
     fastest_mps: Annotated[float, Field(gt=0, le=1e4)] = 30.0
 
 
-IN_SQL = {"predicate", "concept", "subject", "object", *queries.PARAMETERS, "abstraction", "dimensions"}
+IN_SQL = {"predicate", "concept", "subject", "object", *PARAMETERS, "abstraction", "dimensions"}
 
 
 class Asked(Request):
@@ -127,7 +128,7 @@ class Asked(Request):
     direction: Direction | None = Field(
         None, description="Of crosses: seen along the line in the order of its vertices. null: both."
     )
-    abstraction: queries.Flat = "Footprint"
+    abstraction: Flat = "Footprint"
     dimensions: Literal[2, 3] = Field(3, description="3: heights count, too.")
     debounce: DebounceDocument = DebounceDocument()
     certainty: CertaintyDocument | None = Field(None, description="null: positions are taken as they are.")
@@ -153,7 +154,7 @@ class Asked(Request):
             predicate=self.predicate,
             subject=_side("subject", self.subject),
             object=replace(_side("object", self.object), concept=self.object.concept or self.concept),
-            **{name: getattr(self, name) for name in queries.PARAMETERS},
+            **{name: getattr(self, name) for name in PARAMETERS},
             abstraction=self.abstraction,
             dimensions=self.dimensions,
             **self._edges(),
