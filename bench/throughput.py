@@ -16,6 +16,10 @@ from bench.crowd import Floor, batches, build_map, walk
 from bench.figure import figure
 from semap.store.database import connect
 
+BARE_TABLE = """
+    create table bare (
+      track_id bigint, stamp timestamptz, x_m float8, y_m float8, z_m float8, std_m real, is_last boolean)
+"""
 COPY_BARE = f"copy bare ({', '.join(COLUMNS)}) from stdin (format binary)"
 ROUNDS = 5
 FRAMES = 200
@@ -33,10 +37,7 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
     floor = FLOOR
     with connect(dsn) as connection:
         _, track_ids = build_map(connection, name, floor.rooms(), TRACKS)
-        connection.execute(
-            "create table bare (track_id bigint, stamp timestamptz, x_m float8, y_m float8, z_m float8,"
-            " std_m real, is_last boolean)"
-        )
+        connection.execute(BARE_TABLE)
         connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
         places = walk(floor, TRACKS, (ROUNDS + 1) * FRAMES, pause_s)
         rates: dict[str, list[float]] = {"bare": [], "triggers": []}

@@ -71,34 +71,36 @@ comment on function semap.parts_of_way is
 -- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into the
 -- box of, is in, or is on the verge of.
 create or replace function semap.verges_of(p_arrivals semap.arrival[]) returns semap.verge[]
-language sql stable as $$
-  with arrival as (
-    select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
-    from unnest(p_arrivals) a
-    window one_track as (partition by a.track_id order by a.stamp)
-  ), track as (
-    select a.track_id, a.map_id, n.careful_ids,
-           public.st_expand(public.st_makeenvelope(
-             least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
-             greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
-    from arrival a join semap.track_now n using (track_id)
-    group by a.track_id, a.map_id, n.careful_ids
-  ), concerned as (
-    select t.track_id, t.map_id, r.region_id from track t join semap.region r
-      on r.careful and r.map_id = t.map_id and r.footprint && t.extent
-    union
-    select t.track_id, t.map_id, region_id from track t, unnest(t.careful_ids) region_id
-    union
-    select v.track_id, v.map_id, v.region_id from track t join semap.verge v using (track_id)
-  )
-  select array_agg(case when v.track_id is not null then v
-                        else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null, null)::semap.verge
-                   end)
-  from concerned c
-  join track t using (track_id)
-  cross join lateral (select c.region_id = any (t.careful_ids) as held) h
-  left join semap.verge v on v.track_id = c.track_id and v.region_id = c.region_id
-$$;
+language plpgsql stable as $$ -- which keeps its plan
+begin
+  return (
+    with arrival as (
+      select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
+      from unnest(p_arrivals) a
+      window one_track as (partition by a.track_id order by a.stamp)
+    ), track as (
+      select a.track_id, a.map_id, n.careful_ids,
+             public.st_expand(public.st_makeenvelope(
+               least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
+               greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
+      from arrival a join semap.track_now n using (track_id)
+      group by a.track_id, a.map_id, n.careful_ids
+    ), concerned as (
+      select t.track_id, t.map_id, r.region_id from track t join semap.region r
+        on r.careful and r.map_id = t.map_id and r.footprint && t.extent
+      union
+      select t.track_id, t.map_id, region_id from track t, unnest(t.careful_ids) region_id
+      union
+      select v.track_id, v.map_id, v.region_id from track t join semap.verge v using (track_id)
+    )
+    select array_agg(case when v.track_id is not null then v
+                          else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null, null)::semap.verge
+                     end)
+    from concerned c
+    join track t using (track_id)
+    cross join lateral (select c.region_id = any (t.careful_ids) as held) h
+    left join semap.verge v on v.track_id = c.track_id and v.region_id = c.region_id);
+end $$;
 comment on function semap.verges_of is
   'What is kept of these tracks beside each careful region that their states may concern.';
 

@@ -150,8 +150,10 @@ begin
   where t.track_id = n.track_id and n.stamp > t.stamp and n.stamp > v_count.frame_stamp and n.stamp < t.calm_until
     and (v_tracks = v_states or (n.track_id, n.stamp) in (select track_id, max(stamp) from new_state group by track_id));
   if v_is_whole and v_late = 0 and v_states > c_large then
+    -- counted no further than it takes to know, since many tracks may be live that are not in this batch
     v_is_frame := v_states - v_ended = (
-      select count(*) from semap.track_now where map_id = v_map_id and live and source_id = v_source_id);
+      select count(*) from (select from semap.track_now where map_id = v_map_id and live and source_id = v_source_id
+                            limit v_states - v_ended + 1) l);
   end if;
   insert into semap.source_count as c (source_id, track_states) values (v_source_id, v_states)
   on conflict (source_id) do update

@@ -12,7 +12,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Connection, func, literal_column, select
+from sqlalchemy import Connection, bindparam, func, literal_column, select
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 
 from semap.model.event import Evidence
@@ -119,7 +119,7 @@ def list_events(
     rule_name: str | None = None,
 ) -> tuple[StoredEvent, ...]:
     """At most `limit` events with numbers above `after`, and not above `until`, in their order."""
-    found = EVENTS.where(event.c.seq > after).order_by(event.c.seq).limit(limit)
+    found = NEXT_EVENTS
     if until is not None:
         found = found.where(event.c.seq <= until)
     if map_name is not None:
@@ -129,7 +129,7 @@ def list_events(
     if rule_name is not None:
         found = found.where(event.c.rule_name == rule_name)
     with translated():
-        rows = connection.execute(found).all()
+        rows = connection.execute(found, {"after": after, "most": limit}).all()
     return tuple(_event(row) for row in rows)
 
 
@@ -225,3 +225,6 @@ EVENTS = (
     .join(map_, map_.c.map_id == event.c.map_id)
     .join(event_amendment, event_amendment.c.event_id == event.c.event_id, isouter=True)
 )
+
+NEXT_EVENTS = EVENTS.where(event.c.seq > bindparam("after")).order_by(event.c.seq).limit(bindparam("most"))
+"""Made once: whoever waits for an event waits for what it takes to make this, too."""

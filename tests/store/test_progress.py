@@ -65,6 +65,24 @@ def test_events_are_numbered_in_order_and_known_ones_passed_over(
     assert world.rows("select count(*), min(place), max(place) from semap.event_evidence") == [(5, 1, 1)]
 
 
+def test_events_that_are_known_are_found_by_their_keys_though_planned_when_there_were_none(
+    world: World, worker: psycopg.Connection
+) -> None:
+    with worker.transaction():
+        for number in range(1, 11):
+            commit(worker, events=[event(world, number)])
+        commit(worker, events=[event(world, number) for number in range(11, 1011)])
+
+        def rows_read() -> int:
+            return worker.execute(
+                "select sum(seq_tup_read) from pg_stat_xact_user_tables where relname in ('event', 'event_evidence')"
+            ).fetchone()[0]
+
+        before = rows_read()
+        commit(worker, events=[event(world, number) for number in (5, 1011)])
+        assert rows_read() == before
+
+
 def test_states_come_and_go_and_follow_their_rule(world: World, worker: psycopg.Connection) -> None:
     def states() -> list[tuple]:
         return world.rows("select rule_id, key, state from semap.rule_state order by 1, 2")
