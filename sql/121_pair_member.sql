@@ -60,6 +60,41 @@ $$;
 comment on function semap.instance_shape is
   'What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.';
 
+-- The line on which an opening is passed, with its heights, in the map's frame. It leads along the x axis of the opening's
+-- own frame, through the middle of its outline, or as wide as `width_m` says. Nothing for what is nowhere, tilted, or has
+-- neither.
+create or replace function semap.doorway(
+  p_instance semap.instance, out line public.geometry, out z_min_m double precision, out z_max_m double precision
+)
+language plpgsql stable as $$
+declare
+  v_pose      semap.pose;
+  v_width_m   constant double precision := case when jsonb_typeof(p_instance.attributes -> 'width_m') = 'number'
+                                                then (p_instance.attributes ->> 'width_m')::double precision end;
+  v_height_m  constant double precision := case when jsonb_typeof(p_instance.attributes -> 'height_m') = 'number'
+                                                then (p_instance.attributes ->> 'height_m')::double precision end;
+begin
+  v_pose := (
+    select f.pose from semap.frames_in_root(array[p_instance.frame_id]) f
+    join semap.frame root on root.frame_id = f.root_id and root.name = 'map'
+    where semap.is_upright(f.pose));
+  select public.st_makeline(public.st_point(f.x_m, f.y_m), public.st_point(t.x_m, t.y_m)),
+         coalesce(a.z_min_m, f.z_m), coalesce(a.z_max_m, f.z_m + case when v_height_m > 0 then v_height_m else 2 end)
+    into line, z_min_m, z_max_m
+  from (select) one
+  left join semap.abstraction o on o.description_id = p_instance.relative_description_id and o.type = 'Footprint'
+  left join semap.abstraction a on a.description_id = p_instance.absolute_description_id and a.type = 'Footprint'
+  cross join lateral (
+    select coalesce(public.st_xmin(o.geometry), -v_width_m / 2) as from_x_m,
+           coalesce(public.st_xmax(o.geometry), v_width_m / 2) as to_x_m,
+           coalesce((public.st_ymin(o.geometry) + public.st_ymax(o.geometry)) / 2, 0) as y_m) w
+  cross join lateral semap.carry(v_pose, w.from_x_m, w.y_m, 0) f
+  cross join lateral semap.carry(v_pose, w.to_x_m, w.y_m, 0) t
+  where v_pose is not null and w.from_x_m < w.to_x_m;
+end $$;
+comment on function semap.doorway is
+  'The line on which an opening is passed, with its heights, in the map''s frame.';
+
 -- Both sides of each query about pairs that is enabled, with what they ask for.
 create or replace view semap.pair_side as
   select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*
@@ -72,17 +107,23 @@ create or replace view semap.pair_side as
 comment on view semap.pair_side is
   'Both sides of each query about pairs that is enabled, with what they ask for.';
 
--- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline.
+-- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline; an
+-- opening that was drawn as a line, or has no line, is crossed where it is passed.
 create or replace view semap.pair_instance_wanted as
   select s.query_id, s.is_object, s.map_id, s.query_name, s.predicate, i.instance_id, i.uid, i.name, p.geometry as place,
          semap.instance_shape(s.predicate, s.is_object, s.distance_m, c.geometry, y.yaw_rad) as shape,
-         coalesce(a.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, 'infinity') as z_max_m, y.yaw_rad
+         coalesce(a.z_min_m, d.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, d.z_max_m, 'infinity') as z_max_m,
+         y.yaw_rad
   from semap.pair_side s
   join semap.instance i on i.map_id = s.map_id
     and (s.concept_id is null or i.concept_id in (select semap.concepts_below(s.concept_id)))
   left join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = s.abstraction
   left join semap.abstraction p on p.description_id = i.absolute_description_id and p.type = 'Position2D'
-  cross join lateral (select coalesce(a.geometry, case when s.predicate = 'on' then p.geometry end) as geometry) c
+  left join lateral (
+    select * from semap.doorway(i)
+    where s.predicate = 'crosses' and a.geometry is null
+      and i.concept_id in (select semap.concepts_below(semap.concept_named('Opening'))) offset 0) d on true
+  cross join lateral (select coalesce(a.geometry, d.line, case when s.predicate = 'on' then p.geometry end) as geometry) c
   cross join lateral (
     select case when s.is_object and s.predicate in ('in_front_of', 'behind', 'left_of', 'right_of')
                   or not s.is_object and s.predicate = 'facing'

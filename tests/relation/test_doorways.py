@@ -1,0 +1,144 @@
+"""Doors that were drawn as lines, or have an outline of their own, are crossed where one passes through them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from uuid import uuid4
+
+import psycopg
+import pytest
+
+from semap.formats.geojson import parse_geojson
+from semap.geometry.pose import pose_from_yaw
+from semap.model.continuous_query import Declaration, Side
+from semap.store.building import import_building
+from semap.store.database import connect, one_transaction
+from semap.store.instance_edit import Changes, edit_instance
+from semap.store.maps import create_map
+from semap.store.queries import add_query
+
+DOOR = {"name": "door", "concept": "Door", "joins": ["Hall", "Office"]}
+
+
+class Flat:
+    """A hall in the west and an office in the east, whose door is at x = 4, y from 1 to 2."""
+
+    def __init__(self, dsn: str, door: dict[str, object], abstraction: str) -> None:
+        rooms = [
+            {"type": "Feature", "properties": {"name": name}, "geometry": box(x, 0, x + 4, 4)}
+            for name, x in (("Hall", 0), ("Office", 4))
+        ]
+        document = {"type": "FeatureCollection", "features": [*rooms, door]}
+        self.dsn = dsn
+        with one_transaction(dsn) as connection:
+            map_id = create_map(connection, "flat").map_id
+            import_building(connection, "flat", parse_geojson(document))
+            asked = Declaration(
+                "through",
+                "crosses",
+                Side("track"),
+                Side("instance", concept="Door"),
+                abstraction=abstraction,
+            )
+            add_query(connection, "flat", asked)
+        self.connection: psycopg.Connection = connect(dsn)
+        (source_id,) = self.connection.execute(
+            "insert into semap.source (map_id, name) values (%s, 'tracker') returning source_id", [map_id]
+        ).fetchone()
+        (self.track_id,) = self.connection.execute(
+            "insert into semap.track (uid, source_id, map_id, name) values (%s, %s, %s, 'Ann') returning track_id",
+            [uuid4(), source_id, map_id],
+        ).fetchone()
+
+    def walk(self, *places: tuple[float, float, float]) -> None:
+        """Ann is seen at these x, y at these seconds."""
+        for second, x_m, y_m in places:
+            self.connection.execute(
+                "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, to_timestamp(%s), %s, %s)",
+                [self.track_id, second, x_m, y_m],
+            )
+
+    def crossings(self) -> list[tuple[str, float, float, float]]:
+        return self.connection.execute(
+            "select direction, extract(epoch from edge_at)::float8, x_m, y_m from semap.relation_change"
+            " where query_name = 'through' order by change_id"
+        ).fetchall()
+
+    def edit(self, **changes: object) -> None:
+        (door_id,) = self.connection.execute(
+            "select instance_id from semap.instance where name = 'door'"
+        ).fetchone()
+        with one_transaction(self.dsn) as connection:
+            edit_instance(connection, door_id, Changes(**changes))
+
+
+def box(x_min: float, y_min: float, x_max: float, y_max: float) -> dict[str, object]:
+    ring = [[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max], [x_min, y_min]]
+    return {"type": "Polygon", "coordinates": [ring]}
+
+
+def line(*ends: tuple[float, float]) -> dict[str, object]:
+    return {
+        "type": "Feature",
+        "properties": DOOR,
+        "geometry": {"type": "LineString", "coordinates": [list(end) for end in ends]},
+    }
+
+
+@pytest.fixture
+def flat_of(database: str) -> Iterator:
+    made: list[Flat] = []
+
+    def make(door: dict[str, object], abstraction: str) -> Flat:
+        made.append(Flat(database, door, abstraction))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.connection.close()
+
+
+@pytest.mark.parametrize("abstraction", ["Footprint", "Line"])
+def test_a_door_that_is_a_line_is_crossed_where_it_is_passed(flat_of, abstraction: str) -> None:
+    """It leads north, so that the hall is on its left; beside it is wall."""
+    flat = flat_of(line((4, 1), (4, 2)), abstraction)
+    flat.walk((1, 3, 1), (3, 5, 2), (4, 5, 2.5), (5, 3, 2.5), (6, 3, 1.5), (8, 5, 1.5), (10, 3, 1.5))
+    assert flat.crossings() == [
+        ("left_to_right", pytest.approx(2), pytest.approx(4), pytest.approx(1.5)),
+        ("left_to_right", pytest.approx(7), pytest.approx(4), pytest.approx(1.5)),
+        ("right_to_left", pytest.approx(9), pytest.approx(4), pytest.approx(1.5)),
+    ]
+
+
+def test_a_door_that_is_moved_or_made_wider_is_crossed_where_it_is_then(flat_of) -> None:
+    flat = flat_of(line((4, 1), (4, 2)), "Line")
+    flat.walk((1, 3, 3.2), (2, 5, 3.2))
+    assert flat.crossings() == []
+    flat.edit(pose=pose_from_yaw(4, 3.2, 0, -1.5707963267948966))
+    flat.walk((3, 3, 3.2), (4, 3, 1.5), (5, 5, 1.5), (6, 5, 2.3), (7, 3, 2.3))
+    assert [direction for direction, *_ in flat.crossings()] == ["left_to_right"]
+    flat.edit(attributes={"width_m": 2.0})
+    flat.walk((8, 5, 2.3))
+    assert [direction for direction, *_ in flat.crossings()] == ["left_to_right", "right_to_left"]
+    flat.edit(attributes={"width_m": "wide"})
+    flat.walk((9, 3, 2.3))
+    assert len(flat.crossings()) == 2
+
+
+def test_a_door_with_an_outline_has_a_line_through_its_middle(flat_of) -> None:
+    """By its outline it would be crossed twice, on the way in and on the way out."""
+    door = {"type": "Feature", "properties": DOOR, "geometry": box(3.5, 1.9, 4.5, 2.1)}
+    flat = flat_of(door, "Line")
+    flat.walk((1, 4, 1), (3, 4, 3))
+    assert flat.crossings() == [("right_to_left", pytest.approx(2), pytest.approx(4), pytest.approx(2))]
+
+
+def test_the_heights_of_a_door_count(flat_of) -> None:
+    """It is 2 m high where nobody says otherwise: who is a storey above does not pass it."""
+    flat = flat_of(line((4, 1), (4, 2)), "Line")
+    flat.connection.execute(
+        "insert into semap.track_state (track_id, stamp, x_m, y_m, z_m)"
+        " select %s, to_timestamp(s), case s %% 2 when 1 then 3 else 5 end, 1.5, case when s < 3 then 4 else 1 end"
+        " from generate_series(1, 4) s", [flat.track_id],
+    )  # fmt: skip
+    assert [at for _, at, *_ in flat.crossings()] == [pytest.approx(3.5)]
