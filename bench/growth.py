@@ -170,7 +170,8 @@ def draw(rows: Rows, path: Path) -> None:
         spread = [y - [each.min() for each in rounds], [each.max() for each in rounds] - y]
         axes.axhline(GOAL * y[0], color=FAINT, linestyle="--")
         axes.errorbar(x, y, spread, color=TRACKS[number], marker="o", markersize=4, capsize=3)
-        axes.set(xscale="symlog" if title == "stored" else "log", ylim=(0, None), title=title)
+        axes.set_xscale("symlog", linthresh=min(size for size in x if size > 1))
+        axes.set(ylim=(0, None), title=title)
         axes.set_xticks(x, [f"{row['size']:,}" for row in own], rotation=30)
         axes.minorticks_off()
     canvas.axes[0].set_ylabel("µs for a state")

@@ -13,14 +13,16 @@ begin
     execute format('drop trigger %I on %s', v_object.tgname, v_object.on_table);
   end loop;
   for v_object in
-    -- what stands on others goes before them: views of queries, of concepts, then those that they are made of
+    -- what stands on others goes before them: views of queries, of concepts, then those that they are made of, the
+    -- last one that was made first
     (select format('drop view %s', c.oid::regclass) as statement
      from pg_class c join pg_namespace n on n.oid = c.relnamespace
      where n.nspname in ('semap_result', 'semap_query') and c.relkind = 'v'
      order by n.nspname desc, c.relname in ('track', 'instance'))
     union all
-    select format('drop view %s', oid::regclass)
-    from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'
+    (select format('drop view %s', oid::regclass)
+     from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'
+     order by oid desc)
     union all
     select format('drop function %s', p.oid::regprocedure)
     from pg_proc p join pg_namespace n on n.oid = p.pronamespace

@@ -94,7 +94,8 @@ create or replace trigger lock_regions_to_end before update of ended_at on semap
   execute function semap.lock_regions();
 
 -- Taken before the rows of a new source or track: their keys hold rows of map and source, for which an edit may wait,
--- and a query that is added meanwhile has to see them, or they it.
+-- and a query that is added meanwhile has to see them, or they it. And before states of objects (sql/150), as before
+-- those of tracks.
 create or replace function semap.keep_regions() returns trigger
 language plpgsql as $$
 begin
@@ -102,7 +103,7 @@ begin
   return null;
 end $$;
 comment on function semap.keep_regions is
-  'Taken before the rows of a new source or track.';
+  'Taken before the rows of a new source or track, and before states of objects.';
 
 create or replace trigger keep_regions before insert on semap.source
   for each statement execute function semap.keep_regions();

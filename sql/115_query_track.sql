@@ -1,18 +1,35 @@
 -- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on name,
 -- source and attributes. It is told when a track is inserted or changed, or the query is.
 
--- Which tracks each query with conditions on its subject is about, if regions keep it.
-create or replace view semap.query_track_wanted as
-  select q.query_id, t.track_id, q.map_id
+-- Both sides of each query, with what they ask for.
+create or replace view semap.query_side as
+  select q.query_id, q.name as query_name, q.map_id, q.in_pairs, q.enabled, q.predicate, q.distance_m, q.abstraction, s.*
   from semap.continuous_query q
-  join semap.track t on t.map_id = q.map_id
-  where not q.in_pairs
-    and (q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null)
-    and (q.subject_concept_id is null or t.concept_id in (select semap.concepts_below(q.subject_concept_id)))
-    and (q.subject_uids is null or t.uid = any (q.subject_uids))
-    and (q.subject_where is null or semap.condition_holds(q.subject_where, jsonb_build_object(
+  cross join lateral (values
+    (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),
+    (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_where)
+  ) s (is_object, kind, concept_id, uids, condition);
+comment on view semap.query_side is
+  'Both sides of each query, with what they ask for.';
+
+-- Every track that a side of a query is about, whether it lives or not.
+create or replace view semap.side_track as
+  select s.*, t.track_id, t.uid, t.name
+  from semap.query_side s
+  join semap.track t on t.map_id = s.map_id
+  where s.kind = 'track'
+    and (s.concept_id is null or t.concept_id in (select semap.concepts_below(s.concept_id)))
+    and (s.uids is null or t.uid = any (s.uids))
+    and (s.condition is null or semap.condition_holds(s.condition, jsonb_build_object(
            'name', t.name, 'attributes', t.attributes,
            'source', (select name from semap.source n where n.source_id = t.source_id))));
+comment on view semap.side_track is
+  'Every track that a side of a query is about, whether it lives or not.';
+
+-- Which tracks each query with conditions on its subject is about, if regions keep it.
+create or replace view semap.query_track_wanted as
+  select query_id, track_id, map_id from semap.side_track
+  where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition is not null);
 comment on view semap.query_track_wanted is
   'Which tracks each query with conditions on its subject is about, if regions keep it.';
 

@@ -162,8 +162,7 @@ begin
     return;
   end if;
 
-  perform semap.settle_places(array_agg(distinct t.source_id)) from semap.track_now t
-  where t.live and t.map_id in (select map_id from semap.region where region_id = any (v_gone || v_changed));
+  perform semap.settle_maps(array(select distinct map_id from semap.region where region_id = any (v_gone || v_changed)));
   perform semap.unsettle(v_gone || v_changed);
   perform semap.index_regions(v_changed);
   perform semap.unsettle(v_changed);

@@ -95,17 +95,11 @@ end $$;
 comment on function semap.doorway is
   'The line on which an opening is passed, with its heights, in the map''s frame.';
 
--- Both sides of each query about pairs that is enabled, with what they ask for.
+-- Both sides of each query about pairs that is enabled.
 create or replace view semap.pair_side as
-  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*
-  from semap.continuous_query q
-  cross join lateral (values
-    (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),
-    (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_where)
-  ) s (is_object, kind, concept_id, uids, condition)
-  where q.in_pairs and q.enabled;
+  select * from semap.query_side where in_pairs and enabled;
 comment on view semap.pair_side is
-  'Both sides of each query about pairs that is enabled, with what they ask for.';
+  'Both sides of each query about pairs that is enabled.';
 
 -- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline; an
 -- opening that was drawn as a line, or has no line, is crossed where it is passed.
@@ -137,15 +131,7 @@ comment on view semap.pair_instance_wanted is
 
 -- Every track that queries about pairs are about, whether it lives or not.
 create or replace view semap.pair_track_wanted as
-  select s.query_id, s.is_object, s.map_id, s.query_name, s.predicate, s.distance_m, t.track_id, t.uid, t.name
-  from semap.pair_side s
-  join semap.track t on t.map_id = s.map_id
-  where s.kind = 'track'
-    and (s.concept_id is null or t.concept_id in (select semap.concepts_below(s.concept_id)))
-    and (s.uids is null or t.uid = any (s.uids))
-    and (s.condition is null or semap.condition_holds(s.condition, jsonb_build_object(
-           'name', t.name, 'attributes', t.attributes,
-           'source', (select name from semap.source n where n.source_id = t.source_id))));
+  select * from semap.side_track where in_pairs and enabled;
 comment on view semap.pair_track_wanted is
   'Every track that queries about pairs are about, whether it lives or not.';
 

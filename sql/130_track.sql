@@ -27,9 +27,6 @@ declare
   v_source_ids  integer[];
   v_crossings   semap.crossing[];
 begin
-  perform semap.redescribe_tracks(array_agg(n.track_id)) from new_track n join old_track o using (track_id)
-  where (n.source_id, n.uid, n.name, n.concept_id, n.attributes)
-    is distinct from (o.source_id, o.uid, o.name, o.concept_id, o.attributes);
   select array_agg(n.track_id) into v_ended
   from new_track n join old_track o using (track_id)
   where n.ended_at is not null and n.ended_at is distinct from o.ended_at;

@@ -29,6 +29,12 @@ end $$;
 comment on function semap.settle_places is
   'Write the place of each live track of these sources that has a newer one.';
 
+-- Write where all tracks of these maps are.
+create or replace function semap.settle_maps(p_map_ids integer[]) returns void
+language sql as $$ select semap.settle_places(array_agg(source_id)) from semap.source where map_id = any (p_map_ids) $$;
+comment on function semap.settle_maps is
+  'Write where all tracks of these maps are.';
+
 -- Whether places of the tracks of a source may be written late: no query asks for the way between two samples, and no
 -- calm is so wide that the gate for outliers could not do without the exact place.
 create or replace function semap.may_place_late(p_source_id integer, p_map_id integer, p_cell_m double precision)

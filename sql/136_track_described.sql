@@ -64,10 +64,15 @@ comment on function semap.rechoose_tracks is
 -- A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.
 create or replace function semap.track_described() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_track_ids  bigint[];
 begin
-  perform semap.rechoose_tracks(array_agg(n.track_id)) from new_track n join old_track o using (track_id)
+  select array_agg(n.track_id) into v_track_ids
+  from new_track n join old_track o using (track_id)
   where (n.source_id, n.uid, n.name, n.concept_id, n.attributes)
     is distinct from (o.source_id, o.uid, o.name, o.concept_id, o.attributes);
+  perform semap.redescribe_tracks(v_track_ids);
+  perform semap.rechoose_tracks(v_track_ids);
   return null;
 end $$;
 comment on function semap.track_described is

@@ -12,18 +12,8 @@ return md5(jsonb_build_array(p_map, p_source, p_instance, p_property, p_value,
 comment on function semap.object_state_uid is
   'The identity of an object''s state: a function of what was seen, so that a replay gives the same one.';
 
--- Keep the regions while states of objects are written, as for states of tracks.
-create or replace function semap.object_states_arrive() returns trigger
-language plpgsql as $$
-begin
-  perform semap.hold_regions();
-  return null;
-end $$;
-comment on function semap.object_states_arrive is
-  'Keep the regions while states of objects are written, as for states of tracks.';
-
 create or replace trigger object_states_arrive before insert on semap.object_state
-  for each statement execute function semap.object_states_arrive();
+  for each statement execute function semap.keep_regions();
 
 -- What an object was before a state, and since when, of all states that are there. Of several at one stamp the last in
 -- the order of rules counts. Since when is searched for only where the state is another one: else its own row says it.

@@ -7,7 +7,7 @@ language plpgsql as $$
 declare
   v_ids  bigint[];
 begin
-  perform semap.settle_places(array_agg(source_id)) from semap.source where map_id = p_map_id;
+  perform semap.settle_maps(array[p_map_id]);
   select array_agg(distinct track_id) into v_ids from semap.present_differences(p_map_id);
   if v_ids is null then
     return;

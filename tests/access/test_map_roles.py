@@ -18,7 +18,8 @@ SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_versi
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
     "job", "line_observation", "track_state", "region_cell", "region_edge", "rule_state", "pending_row",
-    "region_wanted", "query_track_wanted", "pair_side", "pair_instance_wanted", "pair_track_wanted",
+    "region_wanted", "query_side", "side_track", "query_track_wanted",
+    "pair_side", "pair_instance_wanted", "pair_track_wanted",
     "track_state_packed", "packed_state", "stored_state",
 }  # fmt: skip
 
