@@ -34,6 +34,9 @@ HAIRLINE_M = 1e-4
 COLLINEAR_M = 1e-6
 """A vertex whose removal moves the outline by less than this is dropped."""
 
+FEW = 1000
+"""So many triangles are made polygons in the time that it takes to make a grid."""
+
 LARGEST_FIRST = (20_000, 100_000)
 """The largest triangles cover most cells; the small ones are asked only about what is left."""
 
@@ -73,12 +76,13 @@ def _is_covered(cells: NDArray[np.object_], projection: Projection) -> NDArray[n
 
 def _met(points: NDArray[np.object_], corners_m: NDArray[np.float64]) -> NDArray[np.int64]:
     """Indices of the points that some triangle (m, 3, 2) holds."""
-    places_m = shapely.get_coordinates(points)
-    grid = grid_over(places_m)
-    sums = prefix_sums(point_counts(grid, places_m))
-    # Most triangles of a scan have no point near them; to make polygons of all takes seconds.
-    near = corners_m[grid.counts_in(sums, *bounds_of(corners_m)) > 0]
-    shapes = shapely.polygons(near[:, [0, 1, 2, 0]])
+    if len(corners_m) > FEW:
+        # Most triangles of a scan have no point near them; to make polygons of all takes seconds.
+        places_m = shapely.get_coordinates(points)
+        grid = grid_over(places_m)
+        sums = prefix_sums(point_counts(grid, places_m))
+        corners_m = corners_m[grid.counts_in(sums, *bounds_of(corners_m)) > 0]
+    shapes = shapely.polygons(corners_m[:, [0, 1, 2, 0]])
     met: NDArray[np.int64] = STRtree(points).query(shapes, predicate="intersects")[1]
     return met
 
