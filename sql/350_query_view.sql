@@ -10,9 +10,11 @@ create or replace view semap_query.track with (security_invoker = true) as
   select 'track'::text as kind, p.track_id as id, k.uid, p.track as name, p.source, m.name as map, p.map_id, p.stamp,
          case when p.z_m is null then public.st_makepoint(p.x_m, p.y_m)
               else public.st_makepoint(p.x_m, p.y_m, p.z_m) end as position,
-         p.footprint, p.x_m, p.y_m, p.z_m, p.std_m, p.heading_rad, p.speed_mps, p.length_m, p.width_m
+         p.footprint, p.x_m, p.y_m, p.z_m, p.std_m, p.heading_rad, p.speed_mps, p.length_m, p.width_m,
+         c.name as concept, k.concept_id, k.attributes
   from semap.track_present p
   join semap.track k using (track_id)
+  left join semap.concept c on c.concept_id = k.concept_id
   join semap.map m on m.map_id = p.map_id
   where (select semap.visible_maps() is null) or p.map_id = any ((select semap.visible_maps())::integer[]);
 comment on view semap_query.track is

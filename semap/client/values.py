@@ -185,7 +185,10 @@ class TrackState:
 
 @dataclass(frozen=True)
 class Track:
-    """Someone or something that a source follows."""
+    """Someone or something that a source follows.
+
+    concept  None: nobody said what it is
+    """
 
     id: int
     uid: UUID
@@ -195,6 +198,8 @@ class Track:
     live: bool
     ended_at: Stamp | None
     state: TrackState | None
+    concept: str | None = None
+    attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

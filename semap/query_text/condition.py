@@ -25,10 +25,15 @@ from semap.query_text.views import View
 Cql2: TypeAlias = Mapping[str, object]
 
 KINDS: Mapping[str, Kinds] = {
-    "track": {"name": "text", "source": "text"},
+    "track": {"name": "text", "source": "text", "attributes": "any"},
     "instance": {"name": "text", "alias": "text", "concept": "text", "storey": "text", "attributes": "any"},
 }
 """What conditions may ask of either kind of side."""
+
+HINTS = {
+    "track": "Use name, source or attributes, or write: semap.is_a(t.concept, 'Person').",
+    "instance": "Use name, concept, storey or attributes.",
+}
 
 OPPOSITES = {"=": "<>", "<>": "=", "<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 TURNED = {"=": "=", "<>": "<>", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
@@ -164,7 +169,7 @@ def _column(name: str, at: int, view: View) -> Asked:
             raise Refusal("shape condition", at, what=name)
         case "attributes":
             raise Refusal("attribute", at)
-    raise Refusal("unkept column", at, what=name, hint="Use name, concept, storey or attributes.")
+    raise Refusal("unkept column", at, what=name, hint=HINTS[view.kind])
 
 
 def _attribute(expression: Expression, form: Literal["text", "json"]) -> Asked:

@@ -32,6 +32,9 @@ TRACK: Mapping[str, Use] = {
     "speed_mps": "moving",
     "length_m": "moving",
     "width_m": "moving",
+    "concept": "other",
+    "concept_id": "other",
+    "attributes": "attributes",
 }
 INSTANCE: Mapping[str, Use] = {
     "kind": "other",

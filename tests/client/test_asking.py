@@ -258,6 +258,7 @@ def test_a_table_has_the_same_columns_whatever_is_in_it() -> None:
     answer = {"tracks": [track, {**track, "id": 2, "state": state}], "next": None}
     tracks = client_of(Script([httpx.Response(200, json=answer)])).tracks()
     assert list(tracks.to_pandas().columns) == columns
+    assert columns[-2:] == ["concept", "attributes"]
     frame = tracks.to_geopandas()
     assert frame.geometry.isna().tolist() == [True, False]
     assert (frame.geometry[1].x, frame.geometry[1].y) == (1, 2)

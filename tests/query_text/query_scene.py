@@ -24,6 +24,7 @@ NAMES = UUID("00000000-0000-4000-8000-000000000000")
 ABOVE = {
     "Room": ("Room", "Space", "Thing"), "Cup": ("Cup", "Thing"),
     "Table": ("Table", "Furniture", "Thing"), "Storey": ("Storey", "Space", "Thing"),
+    "Robot": ("Robot", "Agent", "Thing"), None: (),
 }  # fmt: skip
 
 
@@ -67,12 +68,17 @@ class Walker:
     uid: UUID
     source: str = "tracker"
     size: tuple[float, float] | None = (0.6, 0.4)
+    concept: str | None = None
+    attributes: Mapping[str, object] = field(default_factory=dict)
 
     kind = "track"
 
     @property
     def properties(self) -> dict[str, object]:
-        return {"name": self.name, "source": self.source}
+        return {
+            "name": self.name, "source": self.source, "attributes": dict(self.attributes),
+            "concepts": ABOVE[self.concept],
+        }  # fmt: skip
 
 
 def thing(
@@ -105,9 +111,19 @@ THINGS = (
     thing("Jug", "Cup", shapely.box(1.4, 2.0, 1.5, 2.1), 0.2, 0.3),
 )  # fmt: skip
 WALKERS = (
-    walker("anna", (1.5, 3.6), 1.0, before=(1.5, 4.1), heading_rad=-np.pi / 2, speed_mps=1.0),
+    walker(
+        "anna",
+        (1.5, 3.6),
+        1.0,
+        before=(1.5, 4.1),
+        heading_rad=-np.pi / 2,
+        speed_mps=1.0,
+        attributes={"shift": "night"},
+    ),
     walker("ben", (5.7, 1.2), None, before=(6.5, 1.2), heading_rad=np.pi, speed_mps=0.7),
-    walker("cleo", (7.3, 2.5), 1.1, heading_rad=0.1, speed_mps=0.2),
+    walker(
+        "cleo", (7.3, 2.5), 1.1, heading_rad=0.1, speed_mps=0.2, concept="Robot", attributes={"shift": "day"}
+    ),
     walker("dan", (0.4, 5.1), 2.6, before=(-1.0, 5.1), heading_rad=0.3, speed_mps=1.4, size=None),
     walker("eve", (10.6, 7.4), 0.2, heading_rad=2.4, speed_mps=0.9, source="camera"),
     walker("finn", (8.4, 2.2), 2.5, source="camera"),
@@ -153,8 +169,10 @@ def walk(connection: psycopg.Connection, map_id: int, prefix: str = "") -> None:
                 continue
             uid = uuid5(NAMES, prefix + one.name) if prefix else one.uid
             (track_id,) = connection.execute(
-                "insert into semap.track (uid, source_id, map_id, name) values (%s, %s, %s, %s) returning track_id",
-                [uid, source_id, map_id, one.name],
+                "insert into semap.track (uid, source_id, map_id, name, concept_id, attributes)"
+                " values (%s, %s, %s, %s, (select concept_id from semap.concept where name = %s), %s)"
+                " returning track_id",
+                [uid, source_id, map_id, one.name, one.concept, json.dumps(one.attributes)],
             ).fetchone() or (0,)
             for at_us, (x_m, y_m) in enumerate((one.before, one.now)):
                 connection.execute(
