@@ -3,7 +3,7 @@
 
 -- Both sides of each query, with what they ask for.
 create or replace view semap.query_side as
-  select q.query_id, q.name as query_name, q.map_id, q.in_pairs, q.enabled, q.predicate, q.distance_m, q.abstraction, s.*
+  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled
   from semap.continuous_query q
   cross join lateral (values
     (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),

@@ -282,7 +282,8 @@ begin
     where r.instance_id is null
   ) differing;
   perform semap.refresh_pairs(array_agg(query_id), null) from semap.continuous_query
-  where in_pairs and enabled and (subject_concept_id is not null or object_concept_id is not null);
+  where in_pairs and enabled
+    and (subject_concept_id is not null or object_concept_id is not null or predicate = 'crosses'); -- what is an opening
   return null;
 end $$;
 comment on function semap.concepts_moved is

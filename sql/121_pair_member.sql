@@ -60,41 +60,6 @@ $$;
 comment on function semap.instance_shape is
   'What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.';
 
--- The line on which an opening is passed, with its heights, in the map's frame. It leads along the x axis of the opening's
--- own frame, through the middle of its outline, or as wide as `width_m` says. Nothing for what is nowhere, tilted, or has
--- neither.
-create or replace function semap.doorway(
-  p_instance semap.instance, out line public.geometry, out z_min_m double precision, out z_max_m double precision
-)
-language plpgsql stable as $$
-declare
-  v_pose      semap.pose;
-  v_width_m   constant double precision := case when jsonb_typeof(p_instance.attributes -> 'width_m') = 'number'
-                                                then (p_instance.attributes ->> 'width_m')::double precision end;
-  v_height_m  constant double precision := case when jsonb_typeof(p_instance.attributes -> 'height_m') = 'number'
-                                                then (p_instance.attributes ->> 'height_m')::double precision end;
-begin
-  v_pose := (
-    select f.pose from semap.frames_in_root(array[p_instance.frame_id]) f
-    join semap.frame root on root.frame_id = f.root_id and root.name = 'map'
-    where semap.is_upright(f.pose));
-  select public.st_makeline(public.st_point(f.x_m, f.y_m), public.st_point(t.x_m, t.y_m)),
-         coalesce(a.z_min_m, f.z_m), coalesce(a.z_max_m, f.z_m + case when v_height_m > 0 then v_height_m else 2 end)
-    into line, z_min_m, z_max_m
-  from (select) one
-  left join semap.abstraction o on o.description_id = p_instance.relative_description_id and o.type = 'Footprint'
-  left join semap.abstraction a on a.description_id = p_instance.absolute_description_id and a.type = 'Footprint'
-  cross join lateral (
-    select coalesce(public.st_xmin(o.geometry), -v_width_m / 2) as from_x_m,
-           coalesce(public.st_xmax(o.geometry), v_width_m / 2) as to_x_m,
-           coalesce((public.st_ymin(o.geometry) + public.st_ymax(o.geometry)) / 2, 0) as y_m) w
-  cross join lateral semap.carry(v_pose, w.from_x_m, w.y_m, 0) f
-  cross join lateral semap.carry(v_pose, w.to_x_m, w.y_m, 0) t
-  where v_pose is not null and w.from_x_m < w.to_x_m;
-end $$;
-comment on function semap.doorway is
-  'The line on which an opening is passed, with its heights, in the map''s frame.';
-
 -- Both sides of each query about pairs that is enabled.
 create or replace view semap.pair_side as
   select * from semap.query_side where in_pairs and enabled;
@@ -131,7 +96,8 @@ comment on view semap.pair_instance_wanted is
 
 -- Every track that queries about pairs are about, whether it lives or not.
 create or replace view semap.pair_track_wanted as
-  select * from semap.side_track where in_pairs and enabled;
+  select query_id, is_object, map_id, query_name, predicate, distance_m, track_id, uid, name
+  from semap.side_track where in_pairs and enabled;
 comment on view semap.pair_track_wanted is
   'Every track that queries about pairs are about, whether it lives or not.';
 

@@ -87,8 +87,9 @@ begin
           goes_to_left := v_from > 0;
           v_from := (v_x[i + 1] - v_x[i]) * (p_y1_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x1_m - v_x[i]);
           v_to := (v_x[i + 1] - v_x[i]) * (p_y2_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x2_m - v_x[i]);
-          part := v_from / (v_from - v_to);
-          if v_from >= 0 and v_to <= 0 or v_from <= 0 and v_to >= 0 then
+          -- two zeros: a line so long that its coordinates cannot tell both ends of the way apart
+          if (v_from >= 0 and v_to <= 0 or v_from <= 0 and v_to >= 0) and v_from <> v_to then
+            part := v_from / (v_from - v_to);
             return next;
           end if;
         elsif v_from = 0 and v_to = 0 then

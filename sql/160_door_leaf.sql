@@ -112,10 +112,7 @@ returns table (
 language sql stable set search_path = public, pg_temp as $$
   with door as (
     select i.instance_id, i.map_id, i.relative_description_id, i.absolute_description_id, i.frame_id, d.leaf,
-           case when jsonb_typeof(i.attributes -> 'width_m') = 'number'
-                then nullif(greatest((i.attributes ->> 'width_m')::double precision, 0), 0) end as width_m,
-           case when jsonb_typeof(i.attributes -> 'height_m') = 'number'
-                then nullif(greatest((i.attributes ->> 'height_m')::double precision, 0), 0) end as height_m
+           semap.length_said(i.attributes, 'width_m') as width_m, semap.length_said(i.attributes, 'height_m') as height_m
     from semap.instance i,
          lateral (select case when semap.leaf_fault(l) is null then l end as leaf
                   from semap.leaf_declared(i.attributes) l offset 0) d
