@@ -1,7 +1,7 @@
 -- Locks, in the order in which a transaction takes them, so that nobody waits in a circle:
 --
 --   1. regions (7363, 0): shared by whoever writes states, lines, sources, tracks; held alone by an edit of the map, by
---      whoever deletes, ends or renames tracks by hand, and by a repair
+--      whoever deletes, ends or renames tracks or sources by hand, and by a repair
 --   2. sources (7364, source), each by one writer at a time; of several, in the order of their ids
 --   3. pairs (7373, map), where a map has queries about pairs; of several, in the order of their ids
 --   4. doors (7367, map), where lines or an edit move them
@@ -85,6 +85,8 @@ begin
   end loop;
 end $$;
 
+create or replace trigger lock_regions_to_rename before update of name on semap.source
+  for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions before delete on semap.source
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions before delete on semap.track

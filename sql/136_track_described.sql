@@ -82,6 +82,22 @@ create or replace trigger track_described after update on semap.track
   referencing old table as old_track new table as new_track
   for each statement execute function semap.track_described();
 
+-- A source got another name: queries may ask for tracks by it. Writers of states were kept out before (sql/020).
+create or replace function semap.source_renamed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_track_ids  constant bigint[] := array(select track_id from semap.track where source_id = new.source_id);
+begin
+  perform semap.redescribe_tracks(v_track_ids);
+  perform semap.rechoose_tracks(v_track_ids);
+  return null;
+end $$;
+comment on function semap.source_renamed is
+  'A source got another name: queries may ask for tracks by it.';
+
+create or replace trigger source_renamed after update of name on semap.source
+  for each row when (old.name <> new.name) execute function semap.source_renamed();
+
 -- A concept moved in the taxonomy: queries of a concept above it are about its tracks, or no longer. It comes after the
 -- trigger that brings the regions in line, which keeps all writers out.
 create or replace function semap.tracks_of_concepts_moved() returns trigger

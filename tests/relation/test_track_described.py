@@ -110,6 +110,17 @@ def test_a_track_that_a_query_stays_about_keeps_what_waits_to_be_confirmed(room:
     assert room.changes()[0][-1] == 4 * SECOND_US
 
 
+def test_a_source_that_gets_another_name_takes_its_tracks_with_it(room: World) -> None:
+    ask(room, subject_where={"op": "=", "args": [{"property": "source"}, "laser"]})
+    room.add_states([(room.add_track("Ann"), SECOND_US, 1, 1, None)])
+    assert told(room) == []
+    room.run("update semap.source set name = 'laser'")
+    room.run("update semap.source set name = 'laser', late_states = 1")
+    room.run("update semap.source set name = 'camera'")
+    assert told(room) == [("Ann", "began", "map", 1), ("Ann", "ended", "map", 1)]
+    assert held(room) == set()
+
+
 def test_a_concept_that_moves_takes_its_tracks_with_it(room: World) -> None:
     vehicle = concept(room, "Vehicle")
     forklift = concept(room, "Forklift")
