@@ -86,6 +86,8 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
         sources = _sources(connection, name, states_per_s, round((rounds + 1) * round_s * RATE_HZ))
         connection.execute("select semap.ensure_partitions(array[date '2026-01-02'])")
         connection.execute("vacuum analyze semap.track_now")
+        connection.execute("create table if not exists commit_alone (number integer)")
+        connection.execute("grant insert on commit_alone to semap_ingest")
     port = free_port()
     with Supervisor(dsn) as supervisor:
         supervisor.start("work")
@@ -157,9 +159,6 @@ def _writers(dsn: str, sources: Sequence[Source], sent: Sent) -> list[Thread]:
     print(f"  {frames:,} batches", flush=True)
     started_s = time.monotonic() + 0.5
     writers = [Thread(target=_write, args=(dsn, source, started_s, sent)) for source in sources]
-    with connect(dsn) as connection:
-        connection.execute("create table if not exists commit_alone (number integer)")
-        connection.execute("grant insert on commit_alone to semap_ingest")
     for writer in writers:
         writer.start()
     return writers

@@ -19,18 +19,16 @@ import psycopg
 from numpy.typing import NDArray
 from semap_ingest.replay import COPY_STATES
 
-from bench.crowd import RATE_HZ, Floor, batches, build_map, walk
+from bench.crowd import RATE_HZ, batches, build_map, walk
 from bench.figure import Rows, figure
-from bench.throughput import BARE_TABLE, COPY_BARE
+from bench.throughput import BARE_TABLE, COPY_BARE, FIRST_US, FLOOR
 from semap.store.database import connect
 
 TRACKS = (1, 20, 67)
 ROUNDS = 5
 FRAMES = 150
 WARM_UP = 60
-FLOOR = Floor(40, 25)
 PAUSE_S = 5.0
-FIRST_US = 1_767_225_600_000_000
 DEBOUNCED = """
     update semap.continuous_query
     set enter_margin_m = 0.15, leave_margin_m = 0.15, enter_confirm = '0.3 s', leave_confirm = '0.3 s'

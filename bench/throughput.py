@@ -25,6 +25,7 @@ ROUNDS = 5
 FRAMES = 200
 TRACKS = 1000
 FLOOR = Floor(40, 25)
+FIRST_US = 1_767_225_600_000_000
 CROWDS = {"office (pauses up to 30 s)": 30.0, "marching (never pauses)": 0.0}
 
 
@@ -34,15 +35,13 @@ def measure(dsn: str) -> list[dict[str, object]]:
 
 
 def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
-    floor = FLOOR
     with connect(dsn) as connection:
-        _, track_ids = build_map(connection, name, floor.rooms(), TRACKS)
+        _, track_ids = build_map(connection, name, FLOOR.rooms(), TRACKS)
         connection.execute(BARE_TABLE)
         connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
-        places = walk(floor, TRACKS, (ROUNDS + 1) * FRAMES, pause_s)
+        places = walk(FLOOR, TRACKS, (ROUNDS + 1) * FRAMES, pause_s)
         rates: dict[str, list[float]] = {"bare": [], "triggers": []}
-        first_us = 1_767_225_600_000_000
-        data = batches(track_ids, places, first_us)
+        data = batches(track_ids, places, FIRST_US)
         _copy(connection, COPY_STATES, data[:FRAMES])
         connection.execute("vacuum analyze semap.track_now")
         before = _changes(connection)
@@ -56,7 +55,7 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
     ratios = [t / b for t, b in zip(rates["triggers"], rates["bare"], strict=True)]
     return {
         "crowd": name,
-        "rooms": len(floor.rooms()),
+        "rooms": len(FLOOR.rooms()),
         "tracks": TRACKS,
         "batch": TRACKS,
         "changes_per_1000_states": round(1000 * changes / (ROUNDS * FRAMES * TRACKS), 1),

@@ -35,7 +35,7 @@ COLLINEAR_M = 1e-6
 """A vertex whose removal moves the outline by less than this is dropped."""
 
 FEW = 1000
-"""So many triangles are made polygons in the time that it takes to make a grid."""
+"""So many triangles are made polygons in less time than it takes to make a grid."""
 
 LARGEST_FIRST = (20_000, 100_000)
 """The largest triangles cover most cells; the small ones are asked only about what is left."""
