@@ -316,9 +316,10 @@ begin
   from semap.continuous_query where map_id = p_map_id and in_pairs and enabled;
 
   for v_moment in
-    select stamp, array_agg(track_id) as track_ids, array_agg(state) as states,
-           array_agg(track_id) filter (where appears) as appeared, array_agg(track_id) filter (where is_last) as ended
-    from (select a.track_id, a.stamp, a.is_last, a as state, lag(a.is_last, 1, not a.live) over one_track as appears
+    select stamp, array_agg(track_id) filter (where is_seen) as track_ids, array_agg(state) filter (where is_seen) as states,
+           array_agg(track_id) filter (where appears and is_seen) as appeared,
+           array_agg(track_id) filter (where is_last) as ended
+    from (select a.track_id, a.stamp, a.is_last, a as state, a.x_m is not null as is_seen, lag(a.is_last, 1, not a.live) over one_track as appears
           from unnest(p_states) a
           window one_track as (partition by a.track_id order by a.stamp)) s
     group by stamp order by stamp

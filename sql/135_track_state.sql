@@ -89,6 +89,9 @@ begin
     end if;
     if v_late > 0 then
       perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
+      if v_in_pairs then
+        perform semap.amend_pairs(v_map_id, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
+      end if;
     end if;
     -- what is needed of places that are not written yet, and of the other states of the same tracks
     v_is_stale := v_count.frame_stamp > v_count.placed_stamp

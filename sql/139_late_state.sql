@@ -15,14 +15,17 @@ language sql as $$
   delete from semap.relation_past where relation_past_id in (
     select n.relation_past_id from semap.relation_change c cross join lateral (
       select p.relation_past_id from semap.relation_past p
-      where p.track_id = c.track_id and p.query_id = c.query_id and p.instance_id = c.instance_id
-        and tstzrange(p.since, p.until, '[]') @> c.edge_at and p.since = c.since and p.until = c.edge_at limit 1) n
+      where (p.track_id = c.track_id or p.subject_instance_id = c.subject_instance_id and p.object_track_id = c.object_track_id)
+        and p.query_id = c.query_id and p.instance_id is not distinct from c.instance_id
+        and p.object_track_id is not distinct from c.object_track_id and tstzrange(p.since, p.until, '[]') @> c.edge_at and p.since = c.since and p.until = c.edge_at limit 1) n
     where c.uid = any (p_uids) and c.kind = 'ended');
   insert into semap.relation_change (
-    uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since,
-    x_m, y_m, edge, door_id, door_name, amendment, retracts)
-  select md5(uid || '|retracted')::uuid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind,
-         cause, stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'retracted', uid
+    uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+    direction, edge, door_id, door_name, amendment, retracts)
+  select md5(uid || '|retracted')::uuid, map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+         subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at,
+         since, x_m, y_m, direction, edge, door_id, door_name, 'retracted', uid
   from semap.relation_change where uid = any (p_uids) order by stamp, edge_at, change_id
 $$;
 comment on function semap.take_back is
@@ -43,12 +46,7 @@ begin
   from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, edge_at, since, x_m, y_m, place)
   join semap.region r using (region_id)
   join semap.track t on t.track_id = (p_now).track_id;
-  if exists (select from semap.relation_change where uid = any (v_uids)) then
-    update semap.relation_change d
-    set uid = md5(d.uid || '|' || d.change_id)::uuid, retracts = md5(c.uid || '|' || c.change_id)::uuid
-    from semap.relation_change c where c.uid = any (v_uids) and d.retracts = c.uid;
-    update semap.relation_change c set uid = md5(c.uid || '|' || c.change_id)::uuid where c.uid = any (v_uids);
-  end if;
+  perform semap.free_uids(v_uids);
 
   with told as (
     select c.*, u.uid, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name, t.name as track_name,

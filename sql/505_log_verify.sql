@@ -10,6 +10,16 @@ $$;
 comment on function semap.standing_changes is
   'The changes of a map that stand: those that say that something began or ended, and that nobody took back.';
 
+-- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what begins
+-- and what ends again. p_turn: the how many-th of its kind it is.
+create or replace function semap.place_in_moment(p_change semap.relation_change, p_turn bigint) returns bigint
+language sql immutable parallel safe as $$
+  select case when (p_change).kind = 'began' then 2 * p_turn - 1
+              when (p_change).since < (p_change).edge_at then 0 else 2 * p_turn end
+$$;
+comment on function semap.place_in_moment is
+  'In which order changes of two things stand that are of one moment: what ends that held before, then in turns the others.';
+
 -- The changes that stand, each with the one before it of the same two things, in the order in which they happened. What
 -- was amended has its place by its moment, all else by when it was written.
 create or replace function semap.folded_changes(p_map_id integer) returns table (
@@ -17,14 +27,16 @@ create or replace function semap.folded_changes(p_map_id integer) returns table 
 )
 language sql stable as $$
   with ordered as (
-    select c, case when bool_or(c.amendment is not null) over one_pair then c.edge_at end as moment
+    select c, case when bool_or(c.amendment is not null) over one_pair then c.edge_at end as moment,
+           row_number() over (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id,
+                                           c.edge_at, c.kind, c.since < c.edge_at order by c.change_id) as turn
     from semap.standing_changes(p_map_id) c
     window one_pair as (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id)
   )
   select c, lag((c).kind) over one_pair, lag((c).edge_at) over one_pair, lead((c).kind) over one_pair is null
   from ordered
   window one_pair as (partition by (c).query_id, (c).track_id, (c).subject_instance_id, (c).instance_id, (c).object_track_id
-                      order by moment, (c).change_id)
+                      order by moment, case when moment is not null then semap.place_in_moment(c, turn) end, (c).change_id)
 $$;
 comment on function semap.folded_changes is
   'The changes that stand, each with the one before it of the same two things.';

@@ -85,10 +85,11 @@ begin
   delete from semap.pair_member m using pg_temp.semap_differing d
   where m.key = d.key and m.query_id = d.query_id and m.is_object = d.is_object;
   insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, instance_id, uid, name, stamp,
-                                 place, shape, box, z_min_m, z_max_m, yaw_rad)
+                                 place, shape, box, z_min_m, z_max_m, yaw_rad, formed_stamp, formed_track_id)
   select query_id, is_object, p_map_id, query_name, track_id, instance_id, uid, name, stamp,
-         place, shape, box, z_min_m, z_max_m, yaw_rad
-  from semap.wanted_members(p_map_id) join pg_temp.semap_differing using (key, query_id, is_object);
+         place, shape, box, z_min_m, z_max_m, yaw_rad, coalesce(n.newest, '-infinity'), coalesce(n.newest_id, 0)
+  from semap.wanted_members(p_map_id) join pg_temp.semap_differing using (key, query_id, is_object)
+  cross join (select max(t.stamp) as newest, max(t.track_id) as newest_id from semap.track_now t where t.map_id = p_map_id) n;
 
   for v_changed in
     select query_id, array_agg(distinct subject_key) as keys from semap.pair_differences(p_map_id)

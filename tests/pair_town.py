@@ -138,7 +138,7 @@ class Town:
         self.heard[name] = -1
 
     def see(self, *states: tuple[Thing, bool]) -> None:
-        """States of tracks of one source, in one statement, in any order; the late ones change nothing."""
+        """States of tracks of one source, in one statement, in any order; the oracle is not told of the late ones."""
         statement = (
             "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, heading_rad, length_m, width_m, is_last)"
             " from stdin"

@@ -583,6 +583,17 @@ pair_member = Table(
     Column("stamp", STAMP),
     *(_shape(name, nullable=True) for name in ("place", "shape", "box")),
     *_doubles("z_min_m", "z_max_m", "yaw_rad", nullable=True),
+    Column("formed_stamp", STAMP, nullable=False, server_default=FetchedValue()),
+    Column("formed_track_id", BigInteger, nullable=False, server_default=FetchedValue()),
+)
+
+pair_form = Table(
+    "pair_form",
+    METADATA,
+    Column("query_id", ForeignKey("semap.continuous_query.query_id", ondelete="CASCADE"), primary_key=True),
+    Column("map_id", Integer, nullable=False),
+    Column("formed_stamp", STAMP, nullable=False),
+    Column("formed_track_id", BigInteger, nullable=False),
 )
 
 relation_change = Table(
