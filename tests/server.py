@@ -12,7 +12,7 @@ from semap.cluster import Cluster, lease
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.
-SETTINGS = {"fsync": "off", "shared_buffers": "64MB"}
+SETTINGS = {"fsync": "off", "shared_buffers": "64MB", "shared_preload_libraries": "postgis-3"}
 
 # Linux's file system in memory. A database of the tests lives for a second and has 700 files: on a disk, making
 # and dropping it takes the processor five times as long.
