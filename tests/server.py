@@ -12,7 +12,13 @@ from semap.cluster import Cluster, lease
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.
-SETTINGS = {"fsync": "off", "shared_buffers": "64MB", "shared_preload_libraries": "postgis-3"}
+# The log is kept small, since it lies in memory; PostGIS is loaded once, which each session would take 10 ms for.
+SETTINGS = {
+    "fsync": "off",
+    "shared_buffers": "64MB",
+    "max_wal_size": "512MB",
+    "shared_preload_libraries": "postgis-3",
+}
 
 # Linux's file system in memory. A database of the tests lives for a second and has 700 files: on a disk, making
 # and dropping it takes the processor five times as long.
