@@ -1,5 +1,7 @@
 import os
+import ssl
 from collections.abc import Iterator
+from functools import cache
 
 import pytest
 from hypothesis import settings
@@ -13,6 +15,10 @@ from semap.store.schema import ensure_slot, migrate
 # The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
 settings.register_profile("steady", derandomize=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+
+# Each client of HTTP asks for one, which reads all certificates that the world trusts: half of what it takes to start a
+# service for a test and ask it. Nobody changes what is given.
+ssl.create_default_context = cache(ssl.create_default_context)
 
 
 @pytest.fixture(scope="session")

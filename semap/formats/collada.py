@@ -12,7 +12,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from semap.errors import InvalidInput, TooLarge
 from semap.formats.mesh_part import SMALLER, FaceCount, MeshParts, floats, integers, placed
@@ -223,6 +222,8 @@ def _transform(node: Element) -> NDArray[np.float64]:
             length = float(np.linalg.norm(axis))
             if length > 0:
                 turn = np.array(axis) / length * np.radians(degrees)
+                from scipy.spatial.transform import Rotation  # noqa: PLC0415  slow to import
+
                 step[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
         elif child.tag in ("lookat", "skew"):
             raise ValueError(f"a node placed by {child.tag!r}")

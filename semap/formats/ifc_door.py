@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from semap.model.building import Mesh
 
@@ -68,6 +66,9 @@ def _range(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _parts(body: Mesh) -> list[NDArray[np.float64]]:
     """The vertices (n, 3) of each part whose faces share vertices: a leaf only touches its frame."""
+    from scipy.sparse import coo_array  # noqa: PLC0415  slow to import
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415  slow to import
+
     edges = np.concatenate([body.faces[:, :2], body.faces[:, 1:]])
     size = len(body.vertices_m)
     links = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))

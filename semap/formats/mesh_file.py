@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput, SemapError, TooLarge
@@ -59,25 +58,6 @@ class MeshFile:
 
     mesh: Mesh
     findings: tuple[Finding, ...]
-
-
-class _NoOtherFiles(trimesh.resolvers.Resolver):
-    """Refuses every file that a mesh refers to."""
-
-    def __init__(self) -> None:
-        """There is nothing to remember."""
-
-    def get(self, name: str) -> bytes:
-        raise OSError(f"{name} lies outside the upload")
-
-    def namespaced(self, namespace: str) -> _NoOtherFiles:
-        return self
-
-    def keys(self) -> tuple[str, ...]:
-        return ()
-
-    def write(self, name: str, data: bytes) -> None:
-        raise OSError(f"{name} lies outside the upload")
 
 
 def read_mesh(data: bytes, file_type: str, max_bytes: int = MAX_BYTES, max_faces: int = MAX_FACES) -> Mesh:
@@ -157,13 +137,17 @@ def _plain(data: bytes, kind: str) -> bytes:
 
 
 def _load(data: bytes, kind: str) -> Any:
+    import trimesh  # noqa: PLC0415  slow to import
+
+    from semap.formats.no_other_files import NoOtherFiles  # noqa: PLC0415  slow to import
+
     try:
         # Overflows in numbers of the file are met below, as values that are not finite.
         with np.errstate(all="ignore"):
             return trimesh.load_scene(
                 io.BytesIO(data),
                 file_type=kind,
-                resolver=_NoOtherFiles(),
+                resolver=NoOtherFiles(),
                 process=False,
                 skip_materials=True,
             )
@@ -177,12 +161,14 @@ def _load(data: bytes, kind: str) -> Any:
 
 def _parts(scene: Any, max_faces: int) -> Iterator[Mesh]:
     """The meshes of a scene in its world frame; counted before copying, as a node may repeat a mesh."""
+    from trimesh import Trimesh  # noqa: PLC0415  slow to import
+
     count = FaceCount(max_faces)
     try:
         for node in scene.graph.nodes_geometry:
             world_T_node, name = scene.graph[node]
             geometry = scene.geometry[name]
-            if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
+            if not isinstance(geometry, Trimesh) or len(geometry.faces) == 0:
                 continue
             count.add(len(geometry.vertices), len(geometry.faces))
             vertices = np.asarray(geometry.vertices, dtype=np.float64)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from semap.model.building import Mesh
 
@@ -36,6 +35,8 @@ def convex_hull(points_m: NDArray[np.float64], mesh: Mesh | None = None) -> Mesh
         return mesh
     _, across, up, is_flat = basis
     if not is_flat:
+        from scipy.spatial import QhullError  # noqa: PLC0415  slow to import
+
         try:
             return _solid(points_m)
         except QhullError:
@@ -121,6 +122,8 @@ def _basis(
 def _two_sided(
     points_m: NDArray[np.float64], across: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> Mesh:
+    from scipy.spatial import ConvexHull  # noqa: PLC0415  slow to import
+
     flat = (points_m - points_m[0]) @ np.column_stack([np.cross(across, normal), across])
     ring = ConvexHull(flat).vertices
     corner = np.arange(1, len(ring) - 1)
@@ -129,6 +132,8 @@ def _two_sided(
 
 
 def _solid(points_m: NDArray[np.float64]) -> Mesh:
+    from scipy.spatial import ConvexHull  # noqa: PLC0415  slow to import
+
     found = ConvexHull(points_m - points_m[0])
     faces = found.simplices.astype(np.int64)
     a, b, c = (points_m[faces[:, i]] for i in range(3))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from semap.model.building import Mesh
 
@@ -96,6 +95,8 @@ def smallest_rectangle(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def smallest_box(hull: Mesh) -> Mesh:
     """The smallest box around a closed convex mesh, which may be flat."""
+    from scipy.spatial import QhullError  # noqa: PLC0415  slow to import
+
     normals = _normals(hull)
     vertices_m = hull.vertices_m
     tried_m = vertices_m
@@ -147,6 +148,8 @@ def _frame(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _ring(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    from scipy.spatial import ConvexHull  # noqa: PLC0415  slow to import
+
     ring: NDArray[np.float64] = points_m[ConvexHull(points_m).vertices]
     return ring
 

@@ -6,7 +6,6 @@ import mapbox_earcut
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
@@ -48,6 +47,8 @@ def _all_near(points_m: NDArray[np.float64], others_m: NDArray[np.float64]) -> b
     """Whether each point has one of the others beside it."""
     if not len(points_m) or not len(others_m):
         return False
+    from scipy.spatial import cKDTree  # noqa: PLC0415  slow to import
+
     distances_m, _ = cKDTree(others_m).query(points_m, distance_upper_bound=SAME_M)
     return bool(np.isfinite(distances_m).all())
 

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from semap.model.building import Finding, Mesh
 
@@ -112,6 +110,9 @@ def _evenly_wound(faces: NDArray[np.int64], findings: list[Finding]) -> NDArray[
         np.concatenate([left, left + count]),
         np.concatenate([right + cross, right + count - cross]),
     )
+    from scipy.sparse import coo_array  # noqa: PLC0415  slow to import
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415  slow to import
+
     graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(2 * count, 2 * count))
     _, labels = connected_components(graph, directed=False)
     straight, turned = labels[:count], labels[count:]
@@ -172,6 +173,9 @@ def _with_small_holes_closed(
 def _outwards(
     vertices_m: NDArray[np.float64], faces: NDArray[np.int64], findings: list[Finding]
 ) -> NDArray[np.int64]:
+    from scipy.sparse import coo_array  # noqa: PLC0415  slow to import
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415  slow to import
+
     edges = _edges(faces)
     count = len(faces)
     graph = coo_array((np.ones(len(edges.pairs), dtype=bool), tuple(edges.pairs.T)), shape=(count, count))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rule_work import running_worker
 from semap_service import demo
+from warm import run_warm
 
 FOLDER = Path(demo.__file__).parent
 PATIENCE_S = 60.0
@@ -20,10 +21,7 @@ def semap(dsn: str | None, *arguments: str, stdin: str | None = None) -> subproc
     environment = {**os.environ, "COLUMNS": "110"}
     if dsn is not None:
         environment["SEMAP_DSN"] = dsn
-    return subprocess.run(
-        [sys.executable, "-m", "semap_service", *arguments], env=environment, input=stdin, text=True,
-        capture_output=True, timeout=PATIENCE_S, check=False,
-    )  # fmt: skip
+    return run_warm(arguments, environment, stdin, PATIENCE_S)
 
 
 def done(dsn: str, *arguments: str, stdin: str | None = None) -> str:
