@@ -19,16 +19,17 @@ from numpy.typing import NDArray
 from psycopg.types.json import Jsonb
 
 from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
+from semap.geometry.error_ellipse import Ellipses, turned
 from semap.geometry.pose import transform_points
 from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
-from semap_ingest.state_copy import COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
-COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+COPY_STATES = f"copy semap.track_state ({', '.join((*COLUMNS, *ELLIPSE_COLUMNS))}) from stdin (format binary)"
 FIND_TRACKS = """
     select k.name, k.track_id, case when k.source_id <> %s then n.name end
     from semap.track k join semap.source n using (source_id)
@@ -126,7 +127,8 @@ def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
         matrix = map_from_named_frame(connection, map_name, frame)
     points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
     x_m, y_m, z_m = transform_points(matrix, points).T
-    return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m)
+    ellipses = turned(Ellipses(tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad), matrix[:2, :2])
+    return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m, **ellipses._asdict())
 
 
 def _concept_id(dsn: str, plan: Plan) -> int | None:
@@ -238,6 +240,7 @@ def _write(
             tracks.z_m[rows],
             tracks.std_m[rows],
             is_last[rows],
+            ellipse=(tracks.std_across_m[rows], tracks.std_yaw_rad[rows]),
         )
         is_over = rows.stop == len(tracks) and not plan.keep_open
         _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop), is_over)

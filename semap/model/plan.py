@@ -33,6 +33,7 @@ class Thing:
 class Person:
     """Someone or something that moves, at a moment.
 
+    std_across_m, std_yaw_rad  as in a track's state: of its error ellipse, None where it is a circle of std_m
     trail  where it was just before, x and y [m], the oldest first
     """
 
@@ -41,6 +42,8 @@ class Person:
     y_m: float
     heading_rad: float | None
     std_m: float | None
+    std_across_m: float | None
+    std_yaw_rad: float | None
     trail: Sequence[tuple[float, float]]
 
 
