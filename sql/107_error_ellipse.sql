@@ -41,15 +41,13 @@ comment on function semap.error_ellipse is
 
 -- The covariance of a position [m^2] by its error ellipse; null where nothing is known.
 create or replace function semap.error_covariance(
-  p_std_m real, p_std_across_m real, p_std_yaw_rad real,
+  p_std_m double precision, p_std_across_m double precision, p_std_yaw_rad double precision,
   out xx double precision, out xy double precision, out yy double precision
 )
 language sql immutable parallel safe as $$
   select along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c
-  from (select p_std_m::double precision ^ 2 as along,
-               coalesce(p_std_across_m, p_std_m)::double precision ^ 2 as across,
-               cos(coalesce(p_std_yaw_rad, 0)::double precision) as c,
-               sin(coalesce(p_std_yaw_rad, 0)::double precision) as s) e
+  from (select p_std_m ^ 2 as along, coalesce(p_std_across_m, p_std_m) ^ 2 as across,
+               cos(coalesce(p_std_yaw_rad, 0)) as c, sin(coalesce(p_std_yaw_rad, 0)) as s) e
 $$;
 comment on function semap.error_covariance is
   'The covariance of a position [m^2] by its error ellipse; null where nothing is known.';
@@ -59,13 +57,13 @@ comment on function semap.error_covariance is
 -- longer one. For a straight boundary that is d * std_m / sqrt(n' C n).
 create or replace function semap.stretched_distance_m(
   p_boundary public.geometry, p_x_m double precision, p_y_m double precision,
-  p_std_m real, p_std_across_m real, p_std_yaw_rad real
+  p_std_m double precision, p_std_across_m double precision, p_std_yaw_rad double precision
 ) returns double precision
 language plpgsql immutable parallel safe as $$ -- which keeps its plan
 declare
-  c_stretch  constant double precision := p_std_m / greatest(p_std_across_m, p_std_m::double precision / 1000);
-  c_cos      constant double precision := cos(p_std_yaw_rad::double precision);
-  c_sin      constant double precision := sin(p_std_yaw_rad::double precision);
+  c_stretch  constant double precision := p_std_m / greatest(p_std_across_m, p_std_m / 1000);
+  c_cos      constant double precision := cos(p_std_yaw_rad);
+  c_sin      constant double precision := sin(p_std_yaw_rad);
 begin
   -- first to the origin, so that nothing is lost where coordinates are large
   return public.st_distance(

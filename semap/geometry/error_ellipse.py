@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+LEAST_M2 = 1e-30
 ROUNDED = 1e-6
 """So much of the square of its trace may the determinant of a covariance be below 0, for what was rounded."""
 
@@ -35,11 +36,12 @@ def is_covariance(var_x_m2: ArrayLike, cov_xy_m2: ArrayLike, var_y_m2: ArrayLike
 
 
 def ellipses_of(var_x_m2: ArrayLike, cov_xy_m2: ArrayLike, var_y_m2: ArrayLike) -> Ellipses:
-    """The ellipses of covariances [m^2]; a circle where both axes are the same in single precision.
+    """The ellipses of covariances [m^2], each (n,); a circle where single precision knows no longer axis.
 
-    NaN throughout where one of the three is NaN.
+    NaN throughout where one of the three is NaN. Variances below 1e-30 count as none.
     """
-    xx, xy, yy = (np.asarray(each, dtype=np.float64) for each in (var_x_m2, cov_xy_m2, var_y_m2))
+    given = (np.asarray(each, dtype=np.float64) for each in (var_x_m2, cov_xy_m2, var_y_m2))
+    xx, xy, yy = (np.where(np.abs(each) <= LEAST_M2, 0.0, each) for each in given)
     along = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
     det = np.maximum(xx * yy - xy * xy, 0.0)
     across = np.divide(det, along, out=along * 0.0, where=along > 0)
