@@ -23,6 +23,7 @@ from semap.store.database import connect
 
 SLOW = {"deadline": None, "suppress_health_check": list(HealthCheck)}
 SAMPLES = 50_000
+WITHIN = 5 * math.sqrt(0.25 / SAMPLES)
 STANDARD = np.random.default_rng(20260131).standard_normal((SAMPLES, 2))
 Covariance = tuple[float, float, float]
 
@@ -251,7 +252,7 @@ def test_the_stretched_distance_errs_by_what_lies_beyond_the_next_edge(
     covariance = (matrix[0, 0], matrix[0, 1], matrix[1, 1])
     assert abs(by_distance - probability(postgis, shape, at, covariance)) <= bound + 1e-9
     share = share_inside(shape, at, matrix)
-    assert abs(by_distance - share) <= bound + 5 * math.sqrt(0.25 / SAMPLES)
+    assert abs(by_distance - share) <= bound + WITHIN
 
 
 @settings(max_examples=60, **SLOW)
@@ -267,7 +268,7 @@ def test_the_probability_by_an_ellipse_is_that_of_random_positions(
     ).fetchone()
     xx, xy, yy = covariance
     share = share_inside(shape, at, np.array([[xx, xy], [xy, yy]]))
-    assert found == pytest.approx(share, abs=5 * math.sqrt(0.25 / SAMPLES))
+    assert found == pytest.approx(share, abs=WITHIN)
 
 
 def test_the_shorter_axis_counts_for_a_thousandth_of_the_longer_one(postgis: psycopg.Connection) -> None:
