@@ -122,3 +122,29 @@ def test_the_doctor_follows_ellipses_too(world: World, seed: int) -> None:
     verification = verify(world.dsn, lambda said: None)
     with verification.connection:
         assert [each for each in verification.look("world") if each.differ] == []
+
+
+def test_the_doctor_names_a_relation_that_an_ellipse_ends(world: World) -> None:
+    """Outside of a wall, 30 cm from it: what leaves the room is how exact the place is across the wall."""
+    world.ask(Asked(enter_probability=0.9, leave_probability=0.1, widest_std_m=1.0))
+    world.add_room("room", shapely.box(0, 0, 4, 4))
+    track = world.add_track("a")
+    world.add_samples(track, [Sample(SECOND_US, 2.0, 2.0, None, 0.5)])
+    world.add_samples(track, [Sample(2 * SECOND_US, 2.0, -0.3, None, 0.5)])
+    world.run("select pg_drop_replication_slot(semap.rule_slot())")
+    assert world.relations() == {("a", "room", SECOND_US)}
+
+    def differing() -> set[str]:
+        verification = verify(world.dsn, lambda said: None)
+        with verification.connection:
+            return {each.name for each in verification.look("world") if each.differ}
+
+    for across_m, yaw_rad, named in (
+        (0.05, 0.0, {"careful relations"}),
+        (0.05, 1.5, set()),
+        (0.4, 0.0, set()),
+    ):
+        for relation in ("track_state", "track_now"):
+            world.run(f"update semap.{relation} set std_across_m = %s, std_yaw_rad = %s where stamp = %s",
+                      across_m, yaw_rad, to_datetime(2 * SECOND_US))  # fmt: skip
+        assert differing() == named, (across_m, yaw_rad)
