@@ -29,7 +29,8 @@ from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
-COPY_STATES = f"copy semap.track_state ({', '.join((*COLUMNS, *ELLIPSE_COLUMNS))}) from stdin (format binary)"
+COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
 FIND_TRACKS = """
     select k.name, k.track_id, case when k.source_id <> %s then n.name end
     from semap.track k join semap.source n using (source_id)
@@ -232,6 +233,7 @@ def _write(
     done = registered.done
     while done < len(tracks) and not stop.is_set():
         rows = slice(done, min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop)))
+        has_ellipse = not np.isnan(tracks.std_across_m[rows]).all()
         data = pack_states(
             registered.track_ids[tracks.track[rows]],
             tracks.stamp_us[rows],
@@ -240,10 +242,11 @@ def _write(
             tracks.z_m[rows],
             tracks.std_m[rows],
             is_last[rows],
-            ellipse=(tracks.std_across_m[rows], tracks.std_yaw_rad[rows]),
+            ellipse=(tracks.std_across_m[rows], tracks.std_yaw_rad[rows]) if has_ellipse else None,
         )
+        packed = (COPY_ELLIPSES if has_ellipse else COPY_STATES, data)
         is_over = rows.stop == len(tracks) and not plan.keep_open
-        _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop), is_over)
+        _commit(connection, plan, registered, packed, rows.stop, _watermark_us(tracks, rows.stop), is_over)
         done = rows.stop
         yield done
 
@@ -257,19 +260,20 @@ def _commit(
     connection: psycopg.Connection,
     plan: Plan,
     registered: _Registered,
-    data: bytes,
+    packed: tuple[str, bytes],
     done: int,
     watermark_us: int,
     is_over: bool,
 ) -> None:
     """One batch, how far the recording has come with it, and the watermark of its source.
 
+    packed   the statement that copies it, and what it copies
     is_over  nothing more is to come of the source for now: rules do not wait for it
     """
     with translated(), connection.transaction(), connection.cursor() as cursor:
         try:
-            with cursor.copy(COPY_STATES) as copy:
-                copy.write(data)
+            with cursor.copy(packed[0]) as copy:
+                copy.write(packed[1])
         except psycopg.errors.UniqueViolation as error:
             raise Conflict(
                 f"States of the source {plan.source} are stored already: {error.diag.message_detail}",

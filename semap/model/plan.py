@@ -42,9 +42,9 @@ class Person:
     y_m: float
     heading_rad: float | None
     std_m: float | None
-    std_across_m: float | None
-    std_yaw_rad: float | None
     trail: Sequence[tuple[float, float]]
+    std_across_m: float | None = None
+    std_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True)

@@ -72,9 +72,9 @@ def plan(
             each.y_m,
             each.heading_rad,
             each.std_m,
+            [(x_m, y_m) for x_m, y_m, _ in each.trail],
             each.std_across_m,
             each.std_yaw_rad,
-            [(x_m, y_m) for x_m, y_m, _ in each.trail],
         )
         for each in seen
     ]
