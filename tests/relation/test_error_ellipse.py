@@ -284,3 +284,13 @@ def test_far_from_the_origin_the_distance_is_as_exact(postgis: psycopg.Connectio
     )
     near, far = (row[0] for row in postgis.execute(asked).fetchall())
     assert far == pytest.approx(near, rel=1e-7)
+
+
+def test_the_example_of_the_page(postgis: psycopg.Connection) -> None:
+    asked = (
+        "select semap.normal_cdf(semap.stretched_distance_m('LINESTRING (-90 0, 90 0)', 2.5, 0.1, e.std_m,"
+        " coalesce(e.std_across_m, e.std_m), coalesce(e.std_yaw_rad, 0)) / e.std_m)"
+        " from semap.error_ellipse(%s, 0, %s) e"
+    )
+    for variances, inside in (((0.25, 0.0025), 0.977), ((0.25, 0.25), 0.579)):
+        assert postgis.execute(asked, variances).fetchone()[0] == pytest.approx(inside, abs=5e-4)
