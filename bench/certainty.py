@@ -30,6 +30,11 @@ CASES = {
         f"semap.condition_holds('{json.dumps(CONDITION)}', thing)::int",
     ),
     "the distance alone, 6 corners": (20_000, ROOM, "semap.signed_distance_m(shape, x_m, y_m)"),
+    "the distance by an ellipse, 6 corners": (
+        20_000,
+        ROOM,
+        "semap.stretched_distance_m(st_boundary(shape), x_m, y_m, 0.5, 0.1, x_m)",
+    ),
     "6 corners, error 10 cm": (
         5_000,
         ROOM,

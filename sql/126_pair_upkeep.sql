@@ -89,7 +89,7 @@ begin
 
   select array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
                        false, n.source_id, n.map_id, n.cell_m, n.live, n.stamp, n.x_m, n.y_m, n.z_m, n.region_ids,
-                       n.outlier_stamp)::semap.arrival)
+                       n.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival)
   into v_states
   from semap.track_now n
   where n.track_id in (select m.key from semap.pair_member m

@@ -108,7 +108,7 @@ declare
 begin
   select * into v_gate from semap.gate(p_source, p_arrivals, array(
     select row(track_id, outlier_stamp, outlier_x_m, outlier_y_m, null, null, null, null, null, null, null, null, null, null,
-               null, null, null, null, null, null, null)::semap.arrival
+               null, null, null, null, null, null, null, null, null)::semap.arrival
     from semap.track_now
     where outlier_stamp is not null and track_id in (select track_id from unnest(p_arrivals))));
   perform semap.set_aside(track_id, a) from unnest(v_gate.asides) a;

@@ -7,10 +7,11 @@
 -- track that is no longer between has no verge. A track that appears is where the boundary says at once.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
--- place that is too uncertain (more than widest_std_m) is evidence of nothing: neither. A plain region has no shape but
--- its footprint.
+-- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of nothing:
+-- neither. A plain region has no shape but its footprint.
 create or replace function semap.stands(
-  p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real
+  p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real,
+  p_std_across_m real default null, p_std_yaw_rad real default null
 ) returns table (side boolean, enters boolean, leaves boolean)
 language sql immutable parallel safe as $$
   select b.side,
@@ -27,8 +28,10 @@ language sql immutable parallel safe as $$
                      p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m) as at_height offset 0) h
         offset 0) b
   cross join lateral (
-    select case when p_region.enter_stds is not null
-             then public.st_distance(public.st_boundary(p_region.footprint), b.point) end as depth_m,
+    select case when p_region.enter_stds is null then null
+                when p_std_across_m < p_std_m then semap.stretched_distance_m(
+                  public.st_boundary(p_region.footprint), p_x_m, p_y_m, p_std_m, p_std_across_m, p_std_yaw_rad)
+                else public.st_distance(public.st_boundary(p_region.footprint), b.point) end as depth_m,
            (p_region.enter_stds is not null and p_std_m > p_region.widest_std_m) is true as is_vague offset 0) d
 $$;
 comment on function semap.stands is
@@ -142,7 +145,7 @@ language sql stable as $$
     from (select part, (part + coalesce(lead(part) over (order by part), 1)) / 2 as middle from unnest(p.parts) part) u
     union all
     select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
-  cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m) s
+  cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m, a.std_across_m, a.std_yaw_rad) s
   where r.subject is null
      or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
 $$;

@@ -9,7 +9,8 @@ language sql immutable parallel safe as $$
              (p_state).heading_rad, (p_state).speed_mps, (p_state).length_m, (p_state).width_m, (p_state).is_last,
              (p_now).source_id, (p_now).map_id, (p_now).cell_m, (p_now).live,
              greatest((p_now).stamp, case when (p_now).live then p_frame_stamp end),
-             (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp)::semap.arrival
+             (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp,
+             (p_state).std_across_m, (p_state).std_yaw_rad)::semap.arrival
 $$;
 comment on function semap.arrival_of is
   'A state with what was known of its track before it.';
@@ -64,7 +65,8 @@ begin
   ), moved as (
     update semap.track_now t
     set live = true, first_stamp = least(t.first_stamp, n.first_stamp),
-        stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+        stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m,
+        std_m = n.std_m, std_across_m = n.std_across_m, std_yaw_rad = n.std_yaw_rad,
         heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
         region_ids = case when n.is_last then '{}' else n.here_ids end,
         calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,

@@ -11,14 +11,16 @@ begin
     where source_id = any (p_source_ids) and frame_stamp > placed_stamp order by source_id
   loop
     update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m,
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
+        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
         heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
     from semap.track_state s
     where t.source_id = v_count.source_id and t.live and t.stamp < v_count.frame_stamp
       and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
     -- a state that was packed meanwhile
     update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m, std_m = s.std_m,
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
+        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
         heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
     from semap.track_now n
     cross join lateral semap.state_before(n.track_id, v_count.frame_stamp, v_count.frame_stamp) s

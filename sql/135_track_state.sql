@@ -60,7 +60,7 @@ begin
          array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
                        n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live,
                        greatest(t.stamp, case when t.live then v_count.frame_stamp end),
-                       t.x_m, t.y_m, t.z_m, t.region_ids, t.outlier_stamp)::semap.arrival) filter (where not (
+                       t.x_m, t.y_m, t.z_m, t.region_ids, t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
            n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
            and case when n.z_m is null then t.calm_z_min_m is null
                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
@@ -147,7 +147,8 @@ begin
   end if;
 
   update semap.track_now t
-  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m, std_m = n.std_m,
+  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m,
+      std_m = n.std_m, std_across_m = n.std_across_m, std_yaw_rad = n.std_yaw_rad,
       heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m
   from new_state n
   where t.track_id = n.track_id and n.stamp > t.stamp and n.stamp > v_count.frame_stamp and n.stamp < t.calm_until

@@ -33,13 +33,15 @@ begin
     return;
   end if;
   return query
-    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
+            std_across_m, std_yaw_rad
      from semap.stored_state s
      where s.track_id = p_track_id and s.stamp < p_stamp and s.stamp >= v_since
        and s.from_stamp > v_since - interval '30 min' and s.from_stamp < p_stamp and s.to_stamp >= v_since
      order by s.stamp desc limit p_before)
     union all
-    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    (select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
+            std_across_m, std_yaw_rad
      from semap.stored_state s
      where s.track_id = p_track_id and s.stamp >= p_stamp and s.stamp <= v_to
        and s.from_stamp > p_stamp - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= p_stamp
@@ -144,7 +146,8 @@ begin
   )
   select array_agg(row((p_now).track_id, e.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m,
                        s.width_m, coalesce(s.is_last, false) or e.stamp = any (p_ends), (p_now).source_id, (p_now).map_id,
-                       (p_now).cell_m, not p_is_first, '-infinity', null, null, null, '{}', null)::semap.arrival
+                       (p_now).cell_m, not p_is_first, '-infinity', null, null, null, '{}', null,
+                       s.std_across_m, s.std_yaw_rad)::semap.arrival
                    order by e.stamp)
   into arrivals
   from (select stamp from stated union select unnest(p_ends)) e left join stated s using (stamp);

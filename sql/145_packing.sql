@@ -51,7 +51,7 @@ begin
       select 1 as age, * from taken
       union all
       select 0, s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last,
-             s.heading_rad, s.speed_mps, s.length_m, s.width_m
+             s.heading_rad, s.speed_mps, s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
       from opened o join semap.packed_state s on s.track_id = o.track_id and s.from_stamp = o.from_stamp
     ) both_forms
     order by track_id, stamp, age
@@ -87,7 +87,9 @@ begin
            case when count(heading_rad) > 0 then array_agg(heading_rad order by stamp) end,
            case when count(speed_mps) > 0 then array_agg(speed_mps order by stamp) end,
            case when count(length_m) > 0 then array_agg(length_m order by stamp) end,
-           case when count(width_m) > 0 then array_agg(width_m order by stamp) end
+           case when count(width_m) > 0 then array_agg(width_m order by stamp) end,
+           case when count(std_across_m) > 0 then array_agg(std_across_m order by stamp) end,
+           case when count(std_yaw_rad) > 0 then array_agg(std_yaw_rad order by stamp) end
     from shifted group by track_id, part, from_stamp, to_stamp, states, span_us
   )
   select count(*) into v_states from taken;

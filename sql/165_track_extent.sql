@@ -29,7 +29,8 @@ comment on function semap.track_footprint is
 create or replace view semap.track_present with (security_invoker = true) as
   select t.map_id, t.track_id, k.name as track, t.source_id, n.name as source, t.stamp, t.x_m, t.y_m, t.z_m, t.std_m,
          t.heading_rad, t.speed_mps, t.length_m, t.width_m,
-         semap.track_footprint(t.x_m, t.y_m, t.heading_rad, t.length_m, t.width_m) as footprint
+         semap.track_footprint(t.x_m, t.y_m, t.heading_rad, t.length_m, t.width_m) as footprint,
+         t.std_across_m, t.std_yaw_rad
   from semap.track_now t
   join semap.track k using (track_id)
   join semap.source n on n.source_id = t.source_id

@@ -9,7 +9,7 @@ create or replace view semap.packed_state as
          semap.number_of(a.y_high[n], a.y_middle[n], a.y_low[n]) as y_m,
          a.z_m[n] as z_m, a.std_m[n] as std_m, coalesce(a.is_last[n], false) as is_last,
          a.heading_rad[n] as heading_rad, a.speed_mps[n] as speed_mps, a.length_m[n] as length_m, a.width_m[n] as width_m,
-         p.from_stamp, p.to_stamp
+         p.from_stamp, p.to_stamp, a.std_across_m[n] as std_across_m, a.std_yaw_rad[n] as std_yaw_rad
   from semap.track_state_packed p
   cross join lateral (
     select p.off_high || '{}' as off_high, p.off_low || '{}' as off_low,
@@ -17,7 +17,8 @@ create or replace view semap.packed_state as
            p.y_high || '{}' as y_high, p.y_middle || '{}' as y_middle, p.y_low || '{}' as y_low,
            p.z_m || '{}' as z_m, p.std_m || '{}' as std_m, p.is_last || '{}' as is_last,
            p.heading_rad || '{}' as heading_rad, p.speed_mps || '{}' as speed_mps,
-           p.length_m || '{}' as length_m, p.width_m || '{}' as width_m
+           p.length_m || '{}' as length_m, p.width_m || '{}' as width_m,
+           p.std_across_m || '{}' as std_across_m, p.std_yaw_rad || '{}' as std_yaw_rad
     offset 0) a
   cross join lateral generate_series(1, p.states) n;
 comment on view semap.packed_state is
@@ -28,7 +29,7 @@ comment on view semap.packed_state is
 --   stamp >= a and stamp <= b and from_stamp > a - interval '30 min' and from_stamp <= b and to_stamp >= a
 create or replace view semap.stored_state as
   select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
-         stamp as from_stamp, stamp as to_stamp
+         stamp as from_stamp, stamp as to_stamp, std_across_m, std_yaw_rad
   from semap.track_state
   union all
   select * from semap.packed_state;

@@ -6,12 +6,14 @@
 -- Where each track of a map is by what is stored, whether or not its place is written already (sql/134).
 create or replace function semap.present_places(p_map_id integer) returns table (
   track_id bigint, source_id integer, live boolean, stamp timestamptz,
-  x_m double precision, y_m double precision, z_m double precision, std_m real
+  x_m double precision, y_m double precision, z_m double precision, std_m real, std_across_m real, std_yaw_rad real
 )
 language sql stable as $$
   select t.track_id, t.source_id, t.live, coalesce(s.stamp, t.stamp),
          case when s.stamp is null then t.x_m else s.x_m end, case when s.stamp is null then t.y_m else s.y_m end,
-         case when s.stamp is null then t.z_m else s.z_m end, case when s.stamp is null then t.std_m else s.std_m end
+         case when s.stamp is null then t.z_m else s.z_m end, case when s.stamp is null then t.std_m else s.std_m end,
+         case when s.stamp is null then t.std_across_m else s.std_across_m end,
+         case when s.stamp is null then t.std_yaw_rad else s.std_yaw_rad end
   from semap.track_now t
   left join semap.source_count c on c.source_id = t.source_id and c.frame_stamp > c.placed_stamp
   left join lateral (
@@ -97,11 +99,11 @@ comment on function semap.choice_differences is
 -- The newest state of each of these tracks that was not set aside.
 create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz) returns table (
   track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision, std_m real,
-  heading_rad real, speed_mps real, length_m real, width_m real
+  heading_rad real, speed_mps real, length_m real, width_m real, std_across_m real, std_yaw_rad real
 )
 language sql stable as $$
   select distinct on (s.track_id) s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m,
-         s.heading_rad, s.speed_mps, s.length_m, s.width_m
+         s.heading_rad, s.speed_mps, s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
   from semap.stored_state s join semap.track_now t using (track_id)
   where t.track_id = any (p_track_ids) and s.stamp is distinct from t.outlier_stamp
     and s.stamp >= p_since and s.from_stamp > p_since - interval '30 min' and s.to_stamp >= p_since

@@ -35,7 +35,8 @@ begin
        ) packed
   where states > p_limit;
   return query
-    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
+           std_across_m, std_yaw_rad
     from semap.stored_state s
     where s.track_id = p_track_id and s.stamp >= v_from and s.stamp <= v_to and s.stamp > p_after
       and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= v_from
@@ -57,7 +58,8 @@ begin
   select greatest(v_since, max(from_stamp)) into v_since
   from semap.track_state_packed where track_id = p_track_id and from_stamp <= v_at;
   return query
-    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m
+    select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
+           std_across_m, std_yaw_rad
     from semap.stored_state s
     where s.track_id = p_track_id and s.stamp <= v_at and s.stamp >= v_since
       and s.from_stamp > v_since - interval '30 min' and s.from_stamp <= v_at and s.to_stamp >= v_since

@@ -12,6 +12,7 @@ from math import acos, ceil, hypot, pi
 from statistics import NormalDist
 
 import shapely
+from shapely import affinity
 
 US = 1_000_000
 
@@ -41,6 +42,8 @@ class Sample:
     z_m: float | None
     std_m: float | None = None
     is_last: bool = False
+    std_across_m: float | None = None
+    std_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,18 @@ def grown(shape: shapely.Geometry, by_m: float) -> shapely.Geometry:
     return shapely.buffer(
         shape, by_m, quad_segs=max(8, ceil(pi / 4 / acos(1 - 0.0005 / max(abs(by_m), 0.001))))
     )
+
+
+def deviations(boundary: shapely.Geometry, point: shapely.Point, known: Sample) -> float:
+    """How many standard deviations of its error a point is from a boundary; endless without an error."""
+    if not known.std_m:
+        return float("inf")
+    if known.std_across_m is None:
+        return shapely.distance(boundary, point) / known.std_m
+    across_m = max(known.std_across_m, known.std_m / 1000)
+    turned = affinity.rotate(boundary, -known.std_yaw_rad, origin=point, use_radians=True)
+    scaled = affinity.scale(turned, 1 / known.std_m, 1 / across_m, origin=point)
+    return shapely.distance(scaled, point)
 
 
 @dataclass
@@ -105,7 +120,7 @@ class Follower:
         side = self._side(place.x_m, place.y_m, place.z_m)
         if side != self.side:
             self.side, self.side_us = side, at_us
-        decided = self._decided(side, place, known.std_m)
+        decided = self._decided(side, place, known)
         if decided is not None and decided != self.inside:
             self.inside, self.inside_us = decided, at_us
         self._settle(at_us, known.stamp_us)
@@ -142,7 +157,7 @@ class Follower:
             return shapely.dwithin(self.shape, point, self.asked.distance_m)
         return shapely.contains(self.shape, point)
 
-    def _decided(self, side: bool, place: Sample, std_m: float | None) -> bool | None:
+    def _decided(self, side: bool, place: Sample, known: Sample) -> bool | None:
         asked, point = self.asked, shapely.Point(place.x_m, place.y_m)
         by_m = asked.distance_m or 0.0
         at_height = self._at_height(place.z_m)
@@ -152,12 +167,11 @@ class Follower:
         if asked.leave_margin_m and at_height:
             leaves = leaves and not shapely.contains(grown(self.shape, by_m + asked.leave_margin_m), point)
         if asked.enter_probability is not None and at_height:
-            std_m = std_m or 0.0
-            if std_m > asked.widest_std_m:
+            if (known.std_m or 0.0) > asked.widest_std_m:
                 return None
-            depth_m = shapely.distance(shapely.boundary(grown(self.shape, by_m)), point)
-            enters = enters and depth_m >= NormalDist().inv_cdf(asked.enter_probability) * std_m
-            leaves = leaves and depth_m >= -NormalDist().inv_cdf(asked.leave_probability) * std_m
+            depth = deviations(shapely.boundary(grown(self.shape, by_m)), point, known)
+            enters = enters and depth >= NormalDist().inv_cdf(asked.enter_probability)
+            leaves = leaves and depth >= -NormalDist().inv_cdf(asked.leave_probability)
         return True if enters else False if leaves else None
 
     def _cuts(self, start: Sample, end: Sample) -> set[float]:

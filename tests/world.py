@@ -143,11 +143,14 @@ class World:
 
     def add_samples(self, track_id: int, samples: Sequence[Sample]) -> None:
         """States of one track in one statement, with how exact each is."""
-        statement = "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, std_m, is_last) from stdin"
+        statement = (
+            "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, std_m, is_last, std_across_m, std_yaw_rad)"
+            " from stdin"
+        )
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for each in samples:
                 copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
-                                each.std_m, each.is_last))  # fmt: skip
+                                each.std_m, each.is_last, each.std_across_m, each.std_yaw_rad))  # fmt: skip
 
     def add_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""

@@ -19,16 +19,18 @@ from numpy.typing import NDArray
 from psycopg.types.json import Jsonb
 
 from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
+from semap.geometry.error_ellipse import Ellipses, turned
 from semap.geometry.pose import transform_points
 from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
-from semap_ingest.state_copy import COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
 COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
 FIND_TRACKS = """
     select k.name, k.track_id, case when k.source_id <> %s then n.name end
     from semap.track k join semap.source n using (source_id)
@@ -126,7 +128,8 @@ def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
         matrix = map_from_named_frame(connection, map_name, frame)
     points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
     x_m, y_m, z_m = transform_points(matrix, points).T
-    return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m)
+    ellipses = turned(Ellipses(tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad), matrix[:2, :2])
+    return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m, **ellipses._asdict())
 
 
 def _concept_id(dsn: str, plan: Plan) -> int | None:
@@ -230,6 +233,7 @@ def _write(
     done = registered.done
     while done < len(tracks) and not stop.is_set():
         rows = slice(done, min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop)))
+        has_ellipse = not np.isnan(tracks.std_across_m[rows]).all()
         data = pack_states(
             registered.track_ids[tracks.track[rows]],
             tracks.stamp_us[rows],
@@ -238,9 +242,11 @@ def _write(
             tracks.z_m[rows],
             tracks.std_m[rows],
             is_last[rows],
+            ellipse=(tracks.std_across_m[rows], tracks.std_yaw_rad[rows]) if has_ellipse else None,
         )
+        packed = (COPY_ELLIPSES if has_ellipse else COPY_STATES, data)
         is_over = rows.stop == len(tracks) and not plan.keep_open
-        _commit(connection, plan, registered, data, rows.stop, _watermark_us(tracks, rows.stop), is_over)
+        _commit(connection, plan, registered, packed, rows.stop, _watermark_us(tracks, rows.stop), is_over)
         done = rows.stop
         yield done
 
@@ -254,19 +260,20 @@ def _commit(
     connection: psycopg.Connection,
     plan: Plan,
     registered: _Registered,
-    data: bytes,
+    packed: tuple[str, bytes],
     done: int,
     watermark_us: int,
     is_over: bool,
 ) -> None:
     """One batch, how far the recording has come with it, and the watermark of its source.
 
+    packed   the statement that copies it, and what it copies
     is_over  nothing more is to come of the source for now: rules do not wait for it
     """
     with translated(), connection.transaction(), connection.cursor() as cursor:
         try:
-            with cursor.copy(COPY_STATES) as copy:
-                copy.write(data)
+            with cursor.copy(packed[0]) as copy:
+                copy.write(packed[1])
         except psycopg.errors.UniqueViolation as error:
             raise Conflict(
                 f"States of the source {plan.source} are stored already: {error.diag.message_detail}",

@@ -12,6 +12,9 @@ COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last")
 EXTENT_COLUMNS = (*COLUMNS, "heading_rad", "speed_mps", "length_m", "width_m")
 """Of tracks whose motion and size are known too."""
 
+ELLIPSE_COLUMNS = ("std_across_m", "std_yaw_rad")
+"""After all others, where errors are not alike in all directions."""
+
 POSTGRES_EPOCH_US = 946_684_800_000_000
 HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
 TRAILER = b"\xff\xff"
@@ -24,9 +27,9 @@ TYPES = {
     "z_m": ">f8",
     "std_m": ">f4",
     "is_last": "?",
-    **dict.fromkeys(EXTENT_COLUMNS[len(COLUMNS) :], ">f4"),
+    **dict.fromkeys((*EXTENT_COLUMNS[len(COLUMNS) :], *ELLIPSE_COLUMNS), ">f4"),
 }
-NULLABLE = ("z_m", "std_m", *EXTENT_COLUMNS[len(COLUMNS) :])
+NULLABLE = ("z_m", "std_m", *EXTENT_COLUMNS[len(COLUMNS) :], *ELLIPSE_COLUMNS)
 
 
 def pack_states(
@@ -42,8 +45,10 @@ def pack_states(
     speed_mps: NDArray[np.float64] | None = None,
     length_m: NDArray[np.float64] | None = None,
     width_m: NDArray[np.float64] | None = None,
+    ellipse: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> bytes:
-    """A whole COPY (format binary) of `COLUMNS`, or of `EXTENT_COLUMNS` where one of the last four is given.
+    """A whole COPY (format binary) of `COLUMNS`, or of `EXTENT_COLUMNS` where one of its last four is given;
+    and of `ELLIPSE_COLUMNS` where those are.
 
     All arrays are (n,); NaN becomes null in those of `NULLABLE`. Rows with the same columns null are written
     together, so that each group is one array of fixed width; the order of rows within a COPY has no meaning.
@@ -61,6 +66,8 @@ def pack_states(
     if any(value is not None for value in extent.values()):
         unknown = np.full(len(track_id), np.nan)
         values |= {name: unknown if value is None else value for name, value in extent.items()}
+    if ellipse is not None:
+        values |= dict(zip(ELLIPSE_COLUMNS, ellipse, strict=True))
     nullable = [name for name in NULLABLE if name in values]
     nulls = np.zeros(len(track_id), dtype=np.int64)
     for bit, name in enumerate(nullable):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
+from semap.geometry.error_ellipse import Ellipses, ellipses_of, is_covariance
 from semap.model.building import Finding
 from semap_ingest import table_file
 from semap_ingest.table_file import STAMP_NAMES, Roles, Table, read_floats, read_stamps, read_table, scale_of
@@ -26,8 +27,12 @@ USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
     "y": ("y_m", "y"),
     "z": ("z_m", "z"),
     "std": ("std_m", "std", "sigma"),
+    "var-x": ("var_x_m2",),
+    "cov-xy": ("cov_xy_m2",),
+    "var-y": ("var_y_m2",),
 }
-OPTIONAL = ("z", "std")
+COVARIANCE = ("var-x", "cov-xy", "var-y")
+OPTIONAL = ("z", "std", *COVARIANCE)
 REACH_M = 1e7
 
 
@@ -59,6 +64,7 @@ class Tracks:
     stamp_us  (n,) int64 [us since 1970], ascending
     x_m, y_m  (n,) float64 [m]
     z_m, std_m  (n,) float64 [m], NaN where a row has none
+    std_across_m, std_yaw_rad  (n,) float64 of the error ellipse, whose longer axis is std_m; NaN: a circle
     """
 
     names: tuple[str, ...]
@@ -68,6 +74,8 @@ class Tracks:
     y_m: NDArray[np.float64]
     z_m: NDArray[np.float64]
     std_m: NDArray[np.float64]
+    std_across_m: NDArray[np.float64]
+    std_yaw_rad: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
@@ -95,6 +103,40 @@ def read_tracks(path: Path, layout: Layout) -> Tracks:
     return _assemble(read_table(path, roles), layout)
 
 
+def _ellipses(table: Table, scale: float, std_m: NDArray[np.float64]) -> Ellipses:
+    """How exact each place is: by the covariances of the table, or by what it has as standard deviation.
+
+    scale   metres per unit of length
+    raises  InvalidInput for both at once, a covariance of which a part is missing, and one that is none
+    """
+    present = [role for role in COVARIANCE if role in table.columns]
+    if not present:
+        return Ellipses(std_m, np.full(len(table), np.nan), np.full(len(table), np.nan))
+    if "std" in table.columns:
+        raise InvalidInput(
+            "the file has a standard deviation and a covariance", "Leave one of them out.", ", ".join(present)
+        )
+    if len(present) < len(COVARIANCE):
+        missing = ", ".join(role for role in COVARIANCE if role not in present)
+        raise InvalidInput(
+            f"of the covariance there is no {missing}",
+            "Give the columns var_x_m2, cov_xy_m2 and var_y_m2, or name yours: --var-x-column NAME ...",
+            ", ".join(present),
+        )
+    matrix = [read_floats(table.columns[role], role) * scale**2 for role in COVARIANCE]
+    is_given = np.any([np.char.strip(table.columns[role]) != "" for role in COVARIANCE], axis=0)
+    is_wrong = is_given & ~is_covariance(*matrix)
+    if is_wrong.any():
+        row = int(np.argmax(is_wrong))
+        said = ", ".join(str(table.columns[role][row]).strip() or "nothing" for role in COVARIANCE)
+        raise InvalidInput(
+            f"({said}) is no covariance",
+            "Mend it, so that cov_xy^2 <= var_x var_y; leave all three empty where it is not known.",
+            f"near line {table.first_line + row}",
+        )
+    return ellipses_of(*matrix)
+
+
 def _assemble(table: Table, layout: Layout) -> Tracks:
     columns, count = table.columns, len(table)
     scale = scale_of(METRES_PER_UNIT, layout.unit, "unit of length")
@@ -102,6 +144,7 @@ def _assemble(table: Table, layout: Layout) -> Tracks:
         role: read_floats(columns[role], role) * scale if role in columns else np.full(count, np.nan)
         for role in ("x", "y", "z", "std")
     }
+    ellipses = _ellipses(table, scale, values["std"])
     stamp_us, has_stamp = read_stamps(columns["stamp"], layout.stamp_unit, layout.epoch_us)
     if "track" in columns:
         names, track = np.unique(columns["track"], return_inverse=True)
@@ -139,6 +182,8 @@ def _assemble(table: Table, layout: Layout) -> Tracks:
         values["x"][order],
         values["y"][order],
         values["z"][order],
-        values["std"][order],
+        ellipses.std_m[order],
+        ellipses.std_across_m[order],
+        ellipses.std_yaw_rad[order],
         tuple(findings),
     )

@@ -17,7 +17,8 @@ from semap.store.track_history import ALL_STATES, within
 
 STATES = f"""
     select s.track_id, (extract(epoch from s.stamp) * 1000000)::bigint, s.x_m, s.y_m, coalesce(s.z_m, 'nan'),
-           coalesce(s.std_m, 'nan'), s.is_last
+           coalesce(sqrt((s.std_m::float8 ^ 2 + coalesce(s.std_across_m, s.std_m)::float8 ^ 2) / 2)::real,
+                    'nan'), s.is_last
     from {ALL_STATES} s
     join semap.track t using (track_id)
     where t.map_id = %(map_id)s and {within("%(start)s", "%(end)s")} and s.stamp < %(end)s
@@ -83,7 +84,7 @@ class StoredStates:
     track_id    (n,)
     stamp_us    (n,)
     position_m  (n, 2) [m, map frame]
-    z_m, std_m  (n,) NaN where unknown
+    z_m, std_m  (n,) NaN where unknown; std_m on average of all directions
     is_last     (n,)
     """
 

@@ -181,6 +181,8 @@ class TrackState:
     speed_mps: float | None
     length_m: float | None
     width_m: float | None
+    std_across_m: float | None = None
+    std_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True)

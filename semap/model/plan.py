@@ -33,6 +33,7 @@ class Thing:
 class Person:
     """Someone or something that moves, at a moment.
 
+    std_across_m, std_yaw_rad  as in a track's state: of its error ellipse, None where it is a circle of std_m
     trail  where it was just before, x and y [m], the oldest first
     """
 
@@ -42,6 +43,8 @@ class Person:
     heading_rad: float | None
     std_m: float | None
     trail: Sequence[tuple[float, float]]
+    std_across_m: float | None = None
+    std_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True)

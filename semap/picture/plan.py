@@ -164,16 +164,24 @@ def _explain_doors(axes: Axes, states: set[str | None]) -> None:
 
 
 def _draw_person(axes: Axes, person: Person) -> None:
-    from matplotlib.patches import Circle  # noqa: PLC0415
+    from matplotlib.patches import Ellipse  # noqa: PLC0415
 
     color = color_of(person.name)
     if person.trail:
         x, y = zip(*person.trail, strict=True)
         axes.plot(x, y, color=color, linewidth=1.2, alpha=0.5, zorder=4)
     if person.std_m is not None and person.std_m > 0:
-        # Two standard deviations: where it is with 86 %, if the error is normal and round.
-        spot = Circle(
-            (person.x_m, person.y_m), 2 * person.std_m, color=color, alpha=0.15, linewidth=0, zorder=4
+        # Two standard deviations to either side: where it is with 86 %, if the error is normal.
+        across_m = person.std_m if person.std_across_m is None else person.std_across_m
+        spot = Ellipse(
+            (person.x_m, person.y_m),
+            4 * person.std_m,
+            4 * across_m,
+            angle=math.degrees(person.std_yaw_rad or 0.0),
+            color=color,
+            alpha=0.15,
+            linewidth=0,
+            zorder=4,
         )
         axes.add_patch(spot)
     axes.plot(

@@ -35,6 +35,8 @@ TRACK: Mapping[str, Use] = {
     "concept": "other",
     "concept_id": "other",
     "attributes": "attributes",
+    "std_across_m": "moving",
+    "std_yaw_rad": "moving",
 }
 INSTANCE: Mapping[str, Use] = {
     "kind": "other",

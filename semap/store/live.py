@@ -15,7 +15,7 @@ UNKNOWN = "unknown"
 
 TRACKS = text("""
     select n.track_id, t.name, n.stamp, n.x_m, n.y_m, n.z_m, n.heading_rad, n.speed_mps,
-           n.length_m, n.width_m, n.std_m,
+           n.length_m, n.width_m, n.std_m, n.std_across_m, n.std_yaw_rad,
            array(select distinct g.instance_id from semap.region g
                           where g.region_id = any (n.region_ids || n.careful_ids) order by 1)
     from semap.track_now n join semap.track t using (track_id)
@@ -56,6 +56,8 @@ class ShownTrack:
     length_m: float | None
     width_m: float | None
     std_m: float | None
+    std_across_m: float | None
+    std_yaw_rad: float | None
     rooms: tuple[int, ...]
 
 

@@ -27,7 +27,8 @@ STAYING = text("""
 """)
 SEEN = f"""
     select s.track_id, t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.heading_rad, s.speed_mps,
-           s.length_m, s.width_m, s.std_m, s.is_last or coalesce(t.ended_at <= :at, false) as ended
+           s.length_m, s.width_m, s.std_m, s.std_across_m, s.std_yaw_rad,
+           s.is_last or coalesce(t.ended_at <= :at, false) as ended
     from {STATES} s join semap.track t using (track_id)
     where t.map_id = :map_id and {within(":since", ":at")}
 """  # noqa: S608  (a constant)
@@ -45,13 +46,15 @@ RECENT = text(f"""
       group by track_id
     )
     select n.track_id, n.name, n.stamp, n.x_m, n.y_m, n.z_m, n.heading_rad, n.speed_mps,
-           n.length_m, n.width_m, n.std_m, n.ended, coalesce(t.trail, '[]')::json as trail
+           n.length_m, n.width_m, n.std_m, n.std_across_m, n.std_yaw_rad, n.ended,
+           coalesce(t.trail, '[]')::json as trail
     from numbered n left join trail t using (track_id)
     where n.back = 0
 """)  # noqa: S608
 LONG_SEEN = text("""
     select k.track_id, t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.heading_rad, s.speed_mps,
-           s.length_m, s.width_m, s.std_m, s.is_last or coalesce(t.ended_at <= :at, false) as ended,
+           s.length_m, s.width_m, s.std_m, s.std_across_m, s.std_yaw_rad,
+           s.is_last or coalesce(t.ended_at <= :at, false) as ended,
            '[]'::json as trail
     from unnest(cast(:track_ids as bigint[]), cast(:since as timestamptz[])) k (track_id, since)
     join semap.track t using (track_id)

@@ -328,6 +328,7 @@ track_state = Table(
     Column("std_m", REAL),
     Column("is_last", Boolean, nullable=False),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
+    *_reals("std_across_m", "std_yaw_rad", nullable=True),
 )
 
 track_state_packed = Table(
@@ -348,6 +349,7 @@ track_state_packed = Table(
     Column("std_m", ARRAY(REAL)),
     Column("is_last", ARRAY(Boolean)),
     *(Column(name, ARRAY(REAL)) for name in ("heading_rad", "speed_mps", "length_m", "width_m")),
+    *(Column(name, ARRAY(REAL)) for name in ("std_across_m", "std_yaw_rad")),
 )
 
 track_now = Table(
@@ -374,6 +376,7 @@ track_now = Table(
     *_doubles("calm_x_min_m", "calm_x_max_m", "calm_y_min_m", "calm_y_max_m"),
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
+    *_reals("std_across_m", "std_yaw_rad", nullable=True),
 )
 
 track_amendment = Table(

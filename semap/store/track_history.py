@@ -31,7 +31,10 @@ def within(first: str, last: str) -> str:
     )
 
 
-STATE = "stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, is_last"
+STATE = (
+    "stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad,"
+    " is_last"
+)
 HISTORY = text(f"select {STATE} from semap.states_of_track(:track_id, :from, :to, :after, :limit)")  # noqa: S608
 STATE_AT = text(f"select {STATE} from semap.state_before(:track_id, :at)")  # noqa: S608  (a constant)
 AROUND = text(f"""
@@ -50,7 +53,7 @@ SPAN = text("""
 
 @dataclass(frozen=True)
 class PastState:
-    """Where a track was seen, in the map frame; std_m along each axis. After its last it was gone."""
+    """Where a track was seen, in the map frame, as in `TrackState`. After its last it was gone."""
 
     stamp: datetime
     x_m: float
@@ -61,6 +64,8 @@ class PastState:
     speed_mps: float | None
     length_m: float | None
     width_m: float | None
+    std_across_m: float | None
+    std_yaw_rad: float | None
     is_last: bool
 
 

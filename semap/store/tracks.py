@@ -23,7 +23,9 @@ NEVER = literal_column("'-infinity'::timestamptz", track_now.c.stamp.type)
 class TrackState:
     """Where a track was last seen, in the map frame.
 
-    std_m              standard deviation along each axis
+    std_m              standard deviation: of all directions, or along the longer axis of the error ellipse
+    std_across_m       along the shorter axis; None where it is alike in all directions
+    std_yaw_rad        where the longer axis points, from x towards y
     heading_rad        from x towards y, where the body faces
     length_m, width_m  of the body, along the heading and across
     footprint          the ground that it covers; None where its extent is not known
@@ -38,6 +40,8 @@ class TrackState:
     speed_mps: float | None
     length_m: float | None
     width_m: float | None
+    std_across_m: float | None
+    std_yaw_rad: float | None
     footprint: shapely.Polygon | None
 
 
@@ -123,11 +127,11 @@ def described(
 
 
 def _track(row: Sequence[Any]) -> Track:
-    *known, stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, shape = row
+    known, stamp, values, shape = row[:9], row[9], row[10:-1], row[-1]
     if stamp is None:
         return Track(*[*known, None])
     footprint = None if shape is None else shapely.from_wkb(shape)
-    state = TrackState(stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, footprint)
+    state = TrackState(*[stamp, *values, footprint])
     return Track(*[*known, state])
 
 
@@ -154,6 +158,8 @@ _TRACKS = (
         track_now.c.speed_mps,
         track_now.c.length_m,
         track_now.c.width_m,
+        track_now.c.std_across_m,
+        track_now.c.std_yaw_rad,
         func.st_asbinary(_FOOTPRINT),
     )
     .select_from(track)

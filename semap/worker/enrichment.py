@@ -35,9 +35,10 @@ POSITIONS = f"""
 """  # noqa: S608  (constants)
 # where each track was: its newest state, at most 2 s old, moved on by its velocity since the one before;
 # later states are not asked, since whether they are there already depends on when one asks. An instance
-# without an outline is where its frame is
+# without an outline is where its frame is. How exact it is: on average of all directions
 CANDIDATES = f"""
-    select a.place, t.track_id, t.name, d.distance_m, s.std_m
+    select a.place, t.track_id, t.name, d.distance_m,
+           sqrt((s.std_m::float8 ^ 2 + coalesce(s.std_across_m, s.std_m)::float8 ^ 2) / 2)::real
     from unnest(%s::integer[], %s::timestamptz[], %s::bigint[], %s::double precision[])
       as a (place, stamp, instance_id, within_m)
     join semap.instance i on i.instance_id = a.instance_id
@@ -48,7 +49,7 @@ CANDIDATES = f"""
     cross join lateral (
       select distinct on (w.track_id) w.*
       from (
-        select s.track_id, s.stamp, s.x_m, s.y_m, s.std_m, s.is_last,
+        select s.track_id, s.stamp, s.x_m, s.y_m, s.std_m, s.std_across_m, s.is_last,
                lag(s.stamp) over one_track as before_stamp,
                lag(s.x_m) over one_track as before_x_m, lag(s.y_m) over one_track as before_y_m
         from {ALL_STATES} s

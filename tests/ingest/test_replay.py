@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from semap_ingest.replay import Plan, in_map_frame, replay, track_uid
-from semap_ingest.state_copy import COLUMNS, EXTENT_COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, EXTENT_COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 from world import SECOND_US, World
 
@@ -26,14 +26,15 @@ def walk(states: int, tracks: int = 3) -> Tracks:
     nan = np.full(states, np.nan)
     return Tracks(
         tuple(f"t{i}" for i in range(tracks)), rows % tracks, rows // tracks * SECOND_US, rows * 0.1, rows * 0.0,
-        np.where(rows % 2, nan, 1.0), np.where(rows % 5, nan, 0.5),
+        np.where(rows % 2, nan, 1.0), np.where(rows % 5, nan, 0.5), np.where(rows % 10, nan, 0.125),
+        np.where(rows % 10, nan, 0.75),
     )  # fmt: skip
 
 
 def stored(world: World) -> list[tuple]:
     return world.rows(
-        "select t.name, extract(epoch from s.stamp)::float8 * 1000000, x_m, y_m, z_m, std_m, is_last"
-        " from semap.track_state s join semap.track t using (track_id) order by s.stamp, t.name"
+        "select t.name, extract(epoch from s.stamp)::float8 * 1000000, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad,"
+        " is_last from semap.track_state s join semap.track t using (track_id) order by s.stamp, t.name"
     )
 
 
@@ -42,9 +43,9 @@ def expected(tracks: Tracks) -> list[tuple]:
     rows = []
     for i in range(len(tracks)):
         name = tracks.names[tracks.track[i]]
-        z, std = (None if np.isnan(v) else float(v) for v in (tracks.z_m[i], tracks.std_m[i]))
-        rows.append((name, float(tracks.stamp_us[i]), float(tracks.x_m[i]), float(tracks.y_m[i]), z, std,
-                     last[name] == i))  # fmt: skip
+        maybe = (tracks.z_m[i], tracks.std_m[i], tracks.std_across_m[i], tracks.std_yaw_rad[i])
+        rows.append((name, float(tracks.stamp_us[i]), float(tracks.x_m[i]), float(tracks.y_m[i]),
+                     *(None if np.isnan(v) else float(v) for v in maybe), last[name] == i))  # fmt: skip
     return rows
 
 
@@ -113,11 +114,10 @@ def test_states_that_are_there_already_are_refused_and_nothing_changes(world: Wo
 def test_another_file_goes_on_with_open_tracks(world: World) -> None:
     world.add_room("room", shapely.box(-1, -1, 100, 1))
     whole = walk(60)
-    first = Tracks(
-        whole.names, *(getattr(whole, n)[:30] for n in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"))
-    )
-    rest = Tracks(
-        whole.names, *(getattr(whole, n)[30:] for n in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"))
+    columns = [each.name for each in fields(Tracks) if each.name not in ("names", "findings")]
+    first, rest = (
+        Tracks(whole.names, *(getattr(whole, each)[part] for each in columns))
+        for part in (slice(30), slice(30, None))
     )
     replay(world.dsn, replace(PLAN, keep_open=True), first)
     assert {pair[:2] for pair in world.relations()} == {(f"t{i}", "room") for i in range(3)}
@@ -160,6 +160,9 @@ def test_positions_in_a_frame(world: World) -> None:
     np.testing.assert_allclose(moved.x_m, [10, 10, 10], atol=1e-12)
     np.testing.assert_allclose(moved.y_m, [0, 0.1, 0.2], atol=1e-12)
     np.testing.assert_allclose(moved.z_m, [3, 3, 4])
+    np.testing.assert_allclose(moved.std_m, [0.5, np.nan, np.nan])
+    np.testing.assert_allclose(moved.std_across_m, [0.125, np.nan, np.nan])
+    np.testing.assert_allclose(moved.std_yaw_rad, [0.75 - np.pi / 2, np.nan, np.nan])
     with pytest.raises(NotFound):
         in_map_frame(world.dsn, "world", "level 9", walk(3))
 
@@ -183,19 +186,28 @@ def test_states_of_an_unknown_track_or_of_two_sources_are_refused(world: World) 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.integers(0, 10**12), st.floats(-1e7, 1e7), st.floats(-1e7, 1e7),
                           st.one_of(st.none(), st.floats(-1e7, 1e7)), st.one_of(st.none(), st.floats(0, 9, width=32)),
-                          st.booleans()), max_size=20))  # fmt: skip
+                          st.booleans(), st.one_of(st.none(), st.floats(0, 9, width=32)),
+                          st.one_of(st.none(), st.floats(-3, 3, width=32))), max_size=20))  # fmt: skip
 def test_packed_states_are_what_postgresql_reads(cluster_table: str, rows: list[tuple]) -> None:
     with connect(cluster_table) as connection, connection.cursor() as cursor:
         cursor.execute("truncate states")
         columns = [np.array([np.nan if v is None else v for v in column], dtype=dtype) for column, dtype in zip(
-            zip(*rows, strict=True) if rows else [[]] * 7,
-            (np.int64, np.int64, np.float64, np.float64, np.float64, np.float64, np.bool_), strict=True)]  # fmt: skip
-        with cursor.copy(f"copy states ({', '.join(COLUMNS)}) from stdin (format binary)") as copy:
-            copy.write(pack_states(*columns))
-        cursor.execute(
-            "select track_id, extract(epoch from stamp) * 1000000, x_m, y_m, z_m, std_m::float8, is_last from states"
-        )
-        assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, _as_stored(rows)))
+            zip(*rows, strict=True) if rows else [[]] * 9,
+            (np.int64, np.int64, np.float64, np.float64, np.float64, np.float64, np.bool_, np.float64, np.float64),
+            strict=True)]  # fmt: skip
+        for names, data in (
+            (COLUMNS, pack_states(*columns[:7])),
+            ((*COLUMNS, *ELLIPSE_COLUMNS), pack_states(*columns[:7], ellipse=(columns[7], columns[8]))),
+        ):
+            cursor.execute("truncate states")
+            with cursor.copy(f"copy states ({', '.join(names)}) from stdin (format binary)") as copy:
+                copy.write(data)
+            cursor.execute(
+                "select track_id, extract(epoch from stamp) * 1000000, x_m, y_m, z_m, std_m::float8, is_last,"
+                " std_across_m::float8, std_yaw_rad::float8 from states"
+            )
+            wanted = [row if len(names) == 9 else (*row[:7], None, None) for row in _as_stored(rows)]
+            assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, wanted))
 
 
 measure = st.one_of(st.none(), st.floats(0.125, 3, width=32))
@@ -226,7 +238,8 @@ def test_packed_extents_are_what_postgresql_reads(cluster_table: str, rows: list
 def _as_stored(rows: list[tuple]) -> list[tuple]:
     from decimal import Decimal  # noqa: PLC0415
 
-    return [(r[0], Decimal(r[1]).quantize(Decimal("0.000000")), *map(_plain, r[2:6]), r[6]) for r in rows]
+    return [(r[0], Decimal(r[1]).quantize(Decimal("0.000000")), *map(_plain, r[2:6]), r[6],
+             *map(_plain, r[7:])) for r in rows]  # fmt: skip
 
 
 def _plain(value: float | None) -> float | None:
@@ -239,6 +252,6 @@ def cluster_table(cluster):
     with connect(cluster.dsn("packed")) as connection:
         connection.execute("create table states (track_id bigint, stamp timestamptz, x_m float8, y_m float8,"
                            " z_m float8, std_m real, is_last boolean, heading_rad real, speed_mps real,"
-                           " length_m real, width_m real)")  # fmt: skip
+                           " length_m real, width_m real, std_across_m real, std_yaw_rad real)")  # fmt: skip
     yield cluster.dsn("packed")
     cluster.drop_database("packed")

@@ -35,6 +35,28 @@ def test_usual_names_and_iso_stamps(tmp_path: Path) -> None:
     assert tracks.findings == ()
 
 
+def test_a_covariance_becomes_an_ellipse(tmp_path: Path) -> None:
+    path = write(tmp_path, "track,stamp,x,y,vx,vxy,vy\n"
+                 "a,1,0,0,200,100,200\na,2,0,0,,,\na,3,0,0,400,0,400\na,4,0,0,1,1.0000001,1\n")  # fmt: skip
+    columns = {"var-x": "vx", "cov-xy": "vxy", "var-y": "vy"}
+    tracks = read_tracks(path, Layout(columns=columns, stamp_unit="s", unit="cm"))
+    np.testing.assert_allclose(tracks.std_m, [0.03**0.5, np.nan, 0.2, 0.0002**0.5], rtol=1e-6)
+    np.testing.assert_allclose(tracks.std_across_m, [0.01**0.5, np.nan, np.nan, 0], atol=1e-9)
+    np.testing.assert_allclose(tracks.std_yaw_rad, [np.pi / 4, np.nan, np.nan, np.pi / 4])
+
+
+EXACT = "track,stamp,x,y,var_x_m2,cov_xy_m2,var_y_m2\na,1,0,0,1,0,1\n"
+
+
+@pytest.mark.parametrize("cells", ["1,2,1", "-1,0,1", "nan,nan,nan", "1,,1", "1,0,inf", "1,nan,1", "0,0.1,0"])
+def test_what_is_no_covariance_is_refused_with_its_line(tmp_path: Path, cells: str) -> None:
+    with pytest.raises(InvalidInput, match="is no covariance") as wrong:
+        read_tracks(write(tmp_path, f"{EXACT}b,2,0,0,{cells}\n"), Layout(stamp_unit="s"))
+    assert "near line 3" in str(wrong.value)
+    assert cells.split(",", maxsplit=1)[0] in str(wrong.value)
+    assert "cov_xy^2 <= var_x var_y" in wrong.value.remedy
+
+
 def test_white_space_frames_and_centimetres_without_header(tmp_path: Path) -> None:
     path = write(tmp_path, "# frames\n\n7 50 100 -60 176\n7 25 0 0 0\n", "walk.txt")
     layout = Layout(names=("track", "frame", "x", "y", "z"), columns={"stamp": "frame"}, stamp_unit="25fps",
@@ -74,6 +96,12 @@ def test_rows_that_cannot_be_used_are_left_out_and_told(tmp_path: Path) -> None:
         ("track,stamp,x\na,1,1\n", Layout(stamp_unit="s"), "no column for the y"),
         ("stamp,x,y\n1,1,1\n", Layout(stamp_unit="s"), "no column for the track"),
         ("track,stamp,x,y\na,1,1,1\n", Layout(columns={"x": "easting"}), "'easting'"),
+        ("track,stamp,x,y,var_x_m2\na,1,1,1,1\n", Layout(stamp_unit="s"), "no cov-xy, var-y"),
+        (
+            "track,stamp,x,y,std,var_x_m2,cov_xy_m2,var_y_m2\na,1,1,1,1,1,0,1\n",
+            Layout(stamp_unit="s"),
+            "a standard deviation and a covariance",
+        ),
         ("track,stamp,x,y\na,yesterday,1,1\n", Layout(), "ISO 8601"),
         ("track,stamp,x,y\na,2026-01-31T12:00:00,1,1\n", Layout(), "no offset"),
         ("track,stamp,x,y\na,1,one,1\n", Layout(stamp_unit="s"), "'one' is not a number"),
@@ -99,18 +127,24 @@ def test_a_missing_file(tmp_path: Path) -> None:
 
 def test_parquet_gives_what_csv_gives(tmp_path: Path) -> None:
     csv_path = write(
-        tmp_path, "track,stamp,x,y,z\nb,2026-01-31T12:00:01Z,1.5,2,\na,2026-01-31T12:00:00Z,3,4,1\n"
+        tmp_path,
+        "track,stamp,x,y,z,var_x_m2,cov_xy_m2,var_y_m2\n"
+        "b,2026-01-31T12:00:01Z,1.5,2,,0.25,0,1\na,2026-01-31T12:00:00Z,3,4,1,,,\n",
     )
     table = pyarrow.table({
         "track": ["b", "a"],
         "stamp": pyarrow.array([NOON_US + 1_000_000, NOON_US], pyarrow.timestamp("us", "UTC")),
         "x": [1.5, 3.0], "y": [2, 4], "z": [None, 1.0],
+        "var_x_m2": [0.25, None], "cov_xy_m2": [0.0, None], "var_y_m2": [1, None],
     })  # fmt: skip
     parquet.write_table(table, tmp_path / "walk.parquet")
     from_csv, from_parquet = read_tracks(csv_path, Layout()), read_tracks(tmp_path / "walk.parquet", Layout())
     assert from_parquet.names == from_csv.names == ("a", "b")
-    for name in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m"):
+    for name in ("track", "stamp_us", "x_m", "y_m", "z_m", "std_m", "std_across_m", "std_yaw_rad"):
         np.testing.assert_array_equal(getattr(from_parquet, name), getattr(from_csv, name))
+    np.testing.assert_array_equal(from_parquet.std_m, [np.nan, 1])
+    np.testing.assert_array_equal(from_parquet.std_across_m, [np.nan, 0.5])
+    np.testing.assert_array_equal(from_parquet.std_yaw_rad, [np.nan, np.pi / 2])
 
 
 def test_a_broken_parquet_file(tmp_path: Path) -> None:

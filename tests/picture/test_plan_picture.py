@@ -74,6 +74,7 @@ def test_a_picture_names_what_is_in_it_and_is_the_same_each_time(tmp_path: Path)
     persons = [
         Person("ann", 1, 1, 0.5, 0.2, [(0.0, 1.0), (1.0, 1.0)]),
         Person("<bob>", 20, 1, None, None, []),
+        Person("cyd", 3, 1, None, 0.5, [], 0.1, 0.7),
     ]
     for name in ("one.svg", "two.svg"):
         draw_plan([ROOM, DOOR, POST], persons, {1: 2}, {2: "open"}, "home", tmp_path / name)

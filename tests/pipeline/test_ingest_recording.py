@@ -7,6 +7,7 @@ from dataclasses import replace
 from threading import Event as Signal
 from threading import Thread
 
+import numpy as np
 import pytest
 from semap_ingest.pipeline import delivery as delivery_module
 from semap_ingest.pipeline import registration
@@ -49,6 +50,34 @@ def test_a_recording_leaves_persons_lines_and_doors(office_map, plan):
     again = ingest_recording(office_map, plan)
     assert (again.records, again.states, again.is_whole) == (0, 0, True)
     assert stored(office_map) == rows
+
+
+def test_how_exact_a_place_is_is_what_the_filter_says(office_map, plan):
+    """The ellipse of each state is that of the covariance of the Kalman filter, to the digits that a state keeps."""
+    told = {}
+
+    def note(found):
+        for each in (persons.states for persons in found.persons):
+            for track, covariance in zip(each.track, each.covariance_m2, strict=True):
+                told[f"person {track}", each.stamp_us] = covariance
+
+    ingest_recording(office_map, plan, committed=note)
+    with connect(office_map) as connection:
+        rows = connection.execute(
+            "select k.name, (extract(epoch from s.stamp) * 1000000)::bigint, s.std_m, s.std_across_m, s.std_yaw_rad"
+            " from semap.track_state s join semap.track k using (track_id)"
+        ).fetchall()
+    assert {row[:2] for row in rows} == told.keys()
+    assert sum(across_m is not None for *_, across_m, _ in rows) > 20
+    for name, stamp_us, std_m, across_m, yaw_rad in rows:
+        covariance = told[name, stamp_us]
+        lengths = np.linalg.eigvalsh(covariance)
+        assert std_m == pytest.approx(np.sqrt(lengths[1]), rel=1e-6)
+        assert (std_m if across_m is None else across_m) == pytest.approx(np.sqrt(lengths[0]), rel=1e-6)
+        if yaw_rad is not None:
+            turn = np.array([[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]])
+            again = turn @ np.diag([std_m**2, across_m**2]) @ turn.T
+            np.testing.assert_allclose(again, covariance, rtol=0, atol=1e-6 * std_m**2)
 
 
 def test_pieces_make_the_same_whole(office_map, plan, at_once):

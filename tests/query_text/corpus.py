@@ -159,7 +159,7 @@ ACCEPTED = [
              payload={each: f"subject.{each}" for each in (
                  "kind", "id", "uid", "name", "source", "map", "map_id", "stamp", "position", "footprint", "x_m", "y_m",
                  "z_m", "std_m", "heading_rad", "speed_mps", "length_m", "width_m", "concept", "concept_id",
-                 "attributes")} | {"room": "object.name"}),
+                 "attributes", "std_across_m", "std_yaw_rad")} | {"room": "object.name"}),
     Accepted(f"{HEAD}{IN} and r.uid = '{KITCHEN}'::uuid and t.uid in ('{ANNA}', '{KITCHEN}')", "contains",
              Side("track", uids=(UUID(ANNA), UUID(KITCHEN))), Side("instance", "Room", (UUID(KITCHEN),))),
     where("r.name = 'Kitchen'", op("=", prop("name"), "Kitchen")),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import random
 from uuid import uuid4
 
+import numpy as np
 import pytest
 from careful_oracle import Asked, Follower, Sample
 from hypothesis import HealthCheck, given, settings
@@ -33,6 +35,7 @@ asked = st.builds(
     ),
     predicate, margin, margin, confirm, confirm, ways, odds,
 )  # fmt: skip
+YAWS = [0.0, *(float(np.float32(yaw)) for yaw in (0.3, math.pi / 4, math.pi / 2, -1.2, 2.5))]
 QUICK = settings(
     max_examples=60,
     deadline=None,
@@ -52,7 +55,10 @@ def walk(dice: random.Random, steps: int) -> list[Sample]:
         z = dice.choice([z, z, z, z, 0.0, 1.5, 2.75, 3.25, 4.0])
         std_m = dice.choice([None, 0.0, 0.0625, 0.25, 0.5, 2.0])
         height = None if dice.random() < 0.1 else z
-        seen.append(Sample(stamp_us, x, y, height, std_m, dice.random() < 0.04))
+        ellipse = (None, None)
+        if std_m is not None and dice.random() < 0.6:
+            ellipse = (std_m * dice.choice([0, 2**-11, 0.25, 0.5, 1]), dice.choice(YAWS))
+        seen.append(Sample(stamp_us, x, y, height, std_m, dice.random() < 0.04, *ellipse))
     return seen
 
 

@@ -170,7 +170,8 @@ def recording(names: list[str], first_us: int) -> Tracks:
     number = np.tile(np.arange(len(names)), 3)
     stamps_us = first_us + np.repeat(np.arange(3), len(names)) * SECOND_US
     nothing = np.full(count, np.nan)
-    return Tracks(tuple(names), number, stamps_us, np.full(count, 2.0), np.full(count, 2.0), nothing, nothing)
+    place = np.full(count, 2.0)
+    return Tracks(tuple(names), number, stamps_us, place, place, *[nothing] * 4)
 
 
 def test_a_recording_goes_on_with_a_track_from_elsewhere(world: World) -> None:

@@ -13,6 +13,7 @@ from semap.store.maintenance import Maintained, maintain
 
 COLUMNS = (
     "track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last", "heading_rad", "speed_mps", "length_m", "width_m",
+    "std_across_m", "std_yaw_rad",
 )  # fmt: skip
 FORMS = {"x_m": "d", "y_m": "d", "z_m": "d"} | dict.fromkeys(COLUMNS[7:], "f") | {"std_m": "f"}
 Bits = tuple[object, ...]
@@ -34,14 +35,14 @@ def make_partitions(connection: psycopg.Connection, *days_ago: int) -> None:
 
 
 def write(connection: psycopg.Connection, rows: Sequence[Sequence[object]]) -> None:
-    """Rows of COLUMNS, past the triggers."""
+    """Rows of COLUMNS, past the triggers; the last columns may be missing."""
     connection.execute("set session_replication_role = replica")
     with connection.cursor() as cursor, cursor.copy(
         f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
     ) as copy:  # fmt: skip
-        copy.set_types(["int8", "timestamptz", *["float8"] * 3, "float4", "bool", *["float4"] * 4])
+        copy.set_types(["int8", "timestamptz", *["float8"] * 3, "float4", "bool", *["float4"] * 6])
         for row in rows:
-            copy.write_row(row)
+            copy.write_row(_whole(row))
     connection.execute("set session_replication_role = origin")
 
 
@@ -49,8 +50,12 @@ def bits(row: Sequence[object]) -> Bits:
     """A state with its numbers as bytes: equal only if each bit is."""
     return tuple(
         value if value is None or name not in FORMS else struct.pack(FORMS[name], value)
-        for name, value in zip(COLUMNS, row, strict=True)
+        for name, value in zip(COLUMNS, _whole(row), strict=True)
     )
+
+
+def _whole(row: Sequence[object]) -> list[object]:
+    return [*row, *[None] * (len(COLUMNS) - len(row))]
 
 
 def stored(connection: psycopg.Connection, relation: str = "stored_state") -> list[Bits]:

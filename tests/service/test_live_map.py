@@ -1,6 +1,7 @@
 """The live map: a snapshot and deltas that together are what the tables say, whatever was skipped."""
 
 import json
+import math
 import time
 from contextlib import contextmanager
 from datetime import timedelta
@@ -147,10 +148,15 @@ def test_a_page_that_follows_draws_what_the_tables_say(service: Service) -> None
             "cov_yy_m2",
         )
         assert [page.tracks[dog][name] for name in kept] == [1, 2, 1, 0.5, 0.5, 0.25, 0, 0.25]
+        move(service, dog, 5.5, 2, 1, std_m=0.5, std_across_m=0.25, std_yaw_rad=math.pi / 2)
+        page.until(lambda: page.places()["dog"] == (2, 1))
+        known = [page.tracks[dog][name] for name in ("cov_xx_m2", "cov_xy_m2", "cov_yy_m2")]
+        assert known == pytest.approx([0.0625, 0, 0.25], abs=1e-7)
+        move(service, dog, 5.75, 2, 2)
         move(service, cat, 6, 2, 2, is_last=True)
         page.until(lambda: page.places() == {"dog": (2, 2)})
         assert page.rooms == {str(room): 1}
-        assert page.stamp == rfc3339(START + timedelta(seconds=5))
+        assert page.stamp == rfc3339(START + timedelta(seconds=5.75))
 
         opened = {"instance": "Door07", "property": "door", "value": "open", "stamp": rfc3339(START)}
         document = {"map": "office", "source": "switch", "states": [opened]}

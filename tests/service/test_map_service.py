@@ -108,7 +108,9 @@ def test_who_is_where(service: Service) -> None:
     assert service.get(f"/rooms/{room['id']}") == {**service.get(f"/instances/{room['id']}"), "occupants": 1}
     (track,) = service.get("/tracks", live=True)["tracks"]
     stamp = (START + timedelta(seconds=2)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-    unknown = ("z_m", "std_m", "heading_rad", "speed_mps", "length_m", "width_m", "footprint")
+    unknown = (
+        "z_m", "std_m", "heading_rad", "speed_mps", "length_m", "width_m", "std_across_m", "std_yaw_rad", "footprint",
+    )  # fmt: skip
     assert track["state"] == {"stamp": stamp, "x_m": 2, "y_m": 2, **dict.fromkeys(unknown)}
     assert service.get(f"/tracks/{track_id}") == track
     assert service.get("/tracks", live=False)["tracks"] == []

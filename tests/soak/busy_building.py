@@ -145,6 +145,7 @@ def walk(shift: Shift, dice: random.Random, names: list[str], known: dict[str, t
     rows = rows[np.argsort(rows[:, 1], kind="stable")]
     nothing = np.full(len(rows), np.nan)
     exact = np.where(np.arange(len(rows)) % 3 == 0, np.nan, 0.1)
+    is_slanting = np.arange(len(rows)) % 2 == 0
     return Tracks(
         tuple(names),
         rows[:, 0].astype(np.int64),
@@ -153,6 +154,8 @@ def walk(shift: Shift, dice: random.Random, names: list[str], known: dict[str, t
         rows[:, 3],
         nothing,
         exact,
+        np.where(is_slanting, exact / 4, np.nan),
+        np.where(is_slanting & ~np.isnan(exact), rng.uniform(-1.5, 1.5, len(rows)), np.nan),
     )
 
 

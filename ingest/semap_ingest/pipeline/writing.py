@@ -16,6 +16,7 @@ import numpy as np
 import psycopg
 
 from semap.errors import Conflict, NotFound
+from semap.geometry.error_ellipse import ellipses_of
 from semap.store.database import translated
 from semap.timeline.stamp import day_of, to_datetime
 from semap_ingest.pipeline.found import Found, LinesAt
@@ -27,13 +28,14 @@ T = TypeVar("T")
 
 ADD_STATES = """
     insert into semap.track_state
-      (track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m)
-    select track_id, stamp, x_m, y_m, %s, std_m, false,
-           nullif(heading_rad, 'NaN'), speed_mps,
-      length_m, width_m
+      (track_id, stamp, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad, is_last, heading_rad, speed_mps,
+       length_m, width_m)
+    select track_id, stamp, x_m, y_m, %s, std_m, nullif(std_across_m, 'NaN'), nullif(std_yaw_rad, 'NaN'),
+           false, nullif(heading_rad, 'NaN'), speed_mps, length_m, width_m
     from unnest(%s::bigint[], %s::timestamptz[], %s::float8[], %s::float8[], %s::float4[], %s::float4[],
-                %s::float4[], %s::float4[], %s::float4[])
-         s (track_id, stamp, x_m, y_m, std_m, heading_rad, speed_mps, length_m, width_m)
+                %s::float4[], %s::float4[], %s::float4[], %s::float4[], %s::float4[])
+         s (track_id, stamp, x_m, y_m, std_m, std_across_m, std_yaw_rad, heading_rad, speed_mps, length_m,
+            width_m)
 """
 ADD_LINES = """
     insert into semap.line_observation
@@ -179,12 +181,12 @@ class Writer:
         """As ADD_STATES wants them: from the track's id to its width."""
         velocity = np.concatenate([each.velocity_mps for each in states])
         covariance = np.concatenate([each.covariance_m2 for each in states])
+        xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
         return [
             [self._ids[int(track)] for each in states for track in each.track],
             _repeated([to_datetime(each.stamp_us) for each in states], [len(each) for each in states]),
             *np.concatenate([each.position_m for each in states]).T.tolist(),
-            # of one axis: what a circle of the same area as the ellipse has
-            (np.maximum(np.linalg.det(covariance), 0.0) ** 0.25).tolist(),
+            *(each.tolist() for each in ellipses_of(xx, xy, yy)),
             np.concatenate([each.heading_rad for each in states]).tolist(),
             np.hypot(velocity[:, 0], velocity[:, 1]).tolist(),
             *np.concatenate([each.extent_m for each in states]).T.tolist(),

@@ -162,6 +162,8 @@ _TRACK_KINDS: dict[str, Kind] = {
     "speed_mps": "number",
     "length_m": "number",
     "width_m": "number",
+    "std_across_m": "number",
+    "std_yaw_rad": "number",
     GEOMETRY: "shape",
 }
 _TRACKS = Source(
@@ -185,6 +187,8 @@ _TRACKS = Source(
             "speed_mps": cast(track_now.c.speed_mps, Double),
             "length_m": cast(track_now.c.length_m, Double),
             "width_m": cast(track_now.c.width_m, Double),
+            "std_across_m": cast(track_now.c.std_across_m, Double),
+            "std_yaw_rad": cast(track_now.c.std_yaw_rad, Double),
             GEOMETRY: func.public.st_makepoint(track_now.c.x_m, track_now.c.y_m),
         },
         is_a=lambda _: false(),

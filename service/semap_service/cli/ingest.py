@@ -50,11 +50,18 @@ def tracks(
     y_column: Annotated[str | None, typer.Option(help="Column of y.")] = None,
     z_column: Annotated[str | None, typer.Option(help="Column of z; without one any height matches.")] = None,
     std_column: Annotated[str | None, typer.Option(help="Column of the standard deviation.")] = None,
+    var_x_column: Annotated[
+        str | None, typer.Option(help="Column of the variance of x; the two that follow go with it.")
+    ] = None,
+    cov_xy_column: Annotated[str | None, typer.Option(help="Column of the covariance of x and y.")] = None,
+    var_y_column: Annotated[str | None, typer.Option(help="Column of the variance of y.")] = None,
     stamp_unit: Annotated[
         str, typer.Option(help="iso, s, ms, us, ns, or the rate of numbered frames such as 25fps.")
     ] = "iso",
     epoch: Annotated[str, typer.Option(help="The time of stamp 0.")] = "1970-01-01T00:00:00Z",
-    unit: Annotated[str, typer.Option(help="Unit of x, y, z and std: m, cm, mm, ft, in.")] = "m",
+    unit: Annotated[
+        str, typer.Option(help="Unit of x, y, z and std, variances in its square: m, cm, mm, ft, in.")
+    ] = "m",
     frame: Annotated[
         str | None, typer.Option(help="Frame of the positions, such as a storey; z is 0 in it if absent.")
     ] = None,
@@ -96,6 +103,9 @@ def tracks(
         "y": y_column,
         "z": z_column,
         "std": std_column,
+        "var-x": var_x_column,
+        "cov-xy": cov_xy_column,
+        "var-y": var_y_column,
     }
     layout = Layout(
         columns={role: name for role, name in columns.items() if name is not None},

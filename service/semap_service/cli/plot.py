@@ -73,6 +73,8 @@ def plan(
             each.heading_rad,
             each.std_m,
             [(x_m, y_m) for x_m, y_m, _ in each.trail],
+            each.std_across_m,
+            each.std_yaw_rad,
         )
         for each in seen
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
@@ -76,14 +77,28 @@ class LiveHeartbeat(Document):
 LiveMessage = Snapshot | Delta | LiveHeartbeat
 
 
+def _covariance_m2(track: ShownTrack) -> tuple[float | None, float | None, float | None]:
+    if track.std_m is None:
+        return None, None, None
+    if track.std_across_m is None or track.std_yaw_rad is None:
+        return track.std_m**2, 0.0, track.std_m**2
+    along_m2, across_m2 = track.std_m**2, track.std_across_m**2
+    cos, sin = math.cos(track.std_yaw_rad), math.sin(track.std_yaw_rad)
+    return (
+        along_m2 * cos**2 + across_m2 * sin**2,
+        (along_m2 - across_m2) * cos * sin,
+        along_m2 * sin**2 + across_m2 * cos**2,
+    )
+
+
 def track_values(track: ShownTrack) -> dict[str, Any]:
     """The values of a `ShownTrackDocument`, by name."""
     values = {name: getattr(track, name, None) for name in ShownTrackDocument.model_fields}
-    variance_m2 = None if track.std_m is None else track.std_m**2
+    xx, xy, yy = _covariance_m2(track)
     return values | {
-        "cov_xx_m2": variance_m2,
-        "cov_xy_m2": None if variance_m2 is None else 0.0,
-        "cov_yy_m2": variance_m2,
+        "cov_xx_m2": xx,
+        "cov_xy_m2": xy,
+        "cov_yy_m2": yy,
         "rooms": list(track.rooms),
         "ended": False,
     }

@@ -66,12 +66,16 @@ GeometryId = Annotated[
         pattern=r"^-?\d{1,18}$", description="Its first stamp [us since 1970].", examples=["1769860800000000"]
     ),
 ]
-PropertyName = Literal["heading_rad", "speed_mps", "std_m", "length_m", "width_m"]
+PropertyName = Literal[
+    "heading_rad", "speed_mps", "std_m", "std_across_m", "std_yaw_rad", "length_m", "width_m"
+]
 
 PROPERTIES: dict[PropertyName, tuple[str, Literal["Linear", "Step"], str]] = {
     "heading_rad": ("C81", "Step", "Where it faces, from x towards y."),
     "speed_mps": ("MTS", "Linear", "How fast it is."),
-    "std_m": ("MTR", "Step", "Standard deviation of its place along each axis."),
+    "std_m": ("MTR", "Step", "Standard deviation of its place: along the longer axis of its error ellipse."),
+    "std_across_m": ("MTR", "Step", "Along the shorter axis, where the two are not the same."),
+    "std_yaw_rad": ("C81", "Step", "Where the longer axis points, from x towards y."),
     "length_m": ("MTR", "Step", "Of the body, along its heading."),
     "width_m": ("MTR", "Step", "Of the body."),
 }

@@ -34,6 +34,10 @@ router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 
 BEFORE_ALL = EARLIEST - MICROSECOND
 
+STD = Field(description="Standard deviation [m], along the longer axis of its error ellipse; null: unknown.")
+STD_ACROSS = Field(description="Along the shorter axis [m]; null: alike in all directions, or unknown.")
+STD_YAW = Field(description="Where the longer axis points, from x towards y; null as `std_across_m`.")
+
 
 class TrackStateDocument(Document):
     """Where a track was last seen, in the map frame."""
@@ -42,11 +46,13 @@ class TrackStateDocument(Document):
     x_m: float
     y_m: float
     z_m: float | None = Field(description="null where its source does not know heights.")
-    std_m: float | None = Field(description="Standard deviation along each axis [m]; null: unknown.")
+    std_m: float | None = STD
     heading_rad: float | None = Field(description="Where it faces, from x towards y; null: unknown.")
     speed_mps: float | None
     length_m: float | None = Field(description="Of the body, along its heading; null: unknown.")
     width_m: float | None
+    std_across_m: float | None = STD_ACROSS
+    std_yaw_rad: float | None = STD_YAW
     footprint: PolygonDocument | None = Field(
         description="The ground that it covers; null where its extent is not known."
     )
@@ -92,11 +98,13 @@ class PastStateDocument(Document):
     x_m: float
     y_m: float
     z_m: float | None
-    std_m: float | None = Field(description="Standard deviation along each axis [m]; null: unknown.")
+    std_m: float | None = STD
     heading_rad: float | None
     speed_mps: float | None
     length_m: float | None
     width_m: float | None
+    std_across_m: float | None = STD_ACROSS
+    std_yaw_rad: float | None = STD_YAW
     is_last: bool = Field(description="It was gone after that.")
 
 

@@ -39,7 +39,9 @@ REGIONS = """
 """
 TRACKS = """
     select p.track_id, k.name, p.stamp, t.first_stamp, p.x_m, p.y_m, coalesce(p.z_m, 'NaN') as z_m,
-           coalesce(p.std_m, 'NaN')::float8 as std_m, s.jump_m, s.jump_mps, s.late_states > 0 as has_late,
+           coalesce(p.std_m, 'NaN')::float8 as std_m, coalesce(p.std_across_m, 'NaN')::float8 as std_across_m,
+           coalesce(p.std_yaw_rad, 'NaN')::float8 as std_yaw_rad,
+           s.jump_m, s.jump_mps, s.late_states > 0 as has_late,
            array(select query_id from semap.query_track q where q.track_id = p.track_id) as query_ids
     from semap.present_places(%s) p
     join semap.track_now t using (track_id)
@@ -57,7 +59,8 @@ MEMORIES = """
     full join (select * from semap.verge where map_id = %s) v using (track_id, region_id)
 """
 STATES = """
-    select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m, std_m::float8, is_last
+    select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m, std_m::float8,
+           std_across_m::float8, std_yaw_rad::float8, is_last
     from (
       select s.*, row_number() over (partition by s.track_id order by s.stamp desc) as back
       from semap.stored_state s
@@ -98,6 +101,8 @@ class _Track:
     y_m: float
     z_m: float
     std_m: float
+    std_across_m: float
+    std_yaw_rad: float
     jump_m: float | None
     jump_mps: float
     has_late: bool
@@ -231,8 +236,9 @@ def _way(track: _Track, rows: list[tuple[Any, ...]]) -> Way:
     """What came in order and passed the gate for outliers without doubt."""
     columns = list(zip(*rows, strict=True))
     stamp_us = np.array(columns[0], dtype=np.int64)
-    x_m, y_m, z_m, std_m = (np.array(column, dtype=np.float64) for column in columns[1:5])
-    is_last = np.array(columns[5], dtype=np.bool_)
+    numbers = tuple(np.array(column, dtype=np.float64) for column in columns[1:7])
+    x_m, y_m = numbers[:2]
+    is_last = np.array(columns[7], dtype=np.bool_)
     if stamp_us[-1] != to_us(track.stamp) or (x_m[-1], y_m[-1]) != (track.x_m, track.y_m):
         return _present(track)
     start = 0
@@ -241,10 +247,13 @@ def _way(track: _Track, rows: list[tuple[Any, ...]]) -> Way:
         start = int(np.flatnonzero(far_m > track.jump_m).max(initial=-1)) + 1
     kept = slice(start, None)
     is_whole = start == 0 and len(stamp_us) < MOST_STATES and _us(track.first_stamp) == stamp_us[0]
-    return Way(stamp_us[kept], x_m[kept], y_m[kept], z_m[kept], std_m[kept], is_last[kept], is_whole)
+    x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad = (each[kept] for each in numbers)
+    return Way(stamp_us[kept], x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad, is_last[kept], is_whole)
 
 
 def _present(track: _Track) -> Way:
-    x_m, y_m, z_m, std_m = (np.array([value]) for value in (track.x_m, track.y_m, track.z_m, track.std_m))
+    known = (track.x_m, track.y_m, track.z_m, track.std_m, track.std_across_m, track.std_yaw_rad)
     stamp_us = np.array([to_us(track.stamp)], dtype=np.int64)
-    return Way(stamp_us, x_m, y_m, z_m, std_m, np.zeros(1, dtype=np.bool_), False)
+    x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad = (np.array([value]) for value in known)
+    is_last = np.zeros(1, dtype=np.bool_)
+    return Way(stamp_us, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad, is_last, False)

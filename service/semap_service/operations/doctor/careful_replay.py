@@ -76,7 +76,8 @@ class CarefulRegion:
 
 @dataclass(frozen=True)
 class Way:
-    """States of one track, in order. All arrays are (n,); z_m and std_m are NaN where a state has none.
+    """States of one track, in order. All arrays are (n,); z_m and std_m are NaN where a state has none,
+    std_across_m and std_yaw_rad where its error is alike in all directions.
 
     is_whole  the first state is the one with which the track appeared
     """
@@ -86,6 +87,8 @@ class Way:
     y_m: Numbers
     z_m: Numbers
     std_m: Numbers
+    std_across_m: Numbers
+    std_yaw_rad: Numbers
     is_last: Flags
     is_whole: bool
 
@@ -99,7 +102,7 @@ class _Stand:
 
 def possible_memories(region: CarefulRegion, way: Way) -> set[Memory]:
     """What may be kept of the track after its last state; at least one state is needed."""
-    stand = _stand(region, way.x_m, way.y_m, way.z_m, way.std_m)
+    stand = _stand(region, way.x_m, way.y_m, way.z_m, way.std_m, way.std_across_m, way.std_yaw_rad)
     memories = set() if way.is_whole else set(_unknown(bool(stand.side[0])))
     between = _between(region, way)
     for n, stamp_us in enumerate(way.stamp_us.tolist()):
@@ -187,7 +190,34 @@ def _step(
     return memories
 
 
-def _stand(region: CarefulRegion, x_m: Numbers, y_m: Numbers, z_m: Numbers, std_m: Numbers) -> _Stand:
+def _depth_m(
+    boundary: shapely.Geometry,
+    x_m: Numbers,
+    y_m: Numbers,
+    std_m: Numbers,
+    across_m: Numbers,
+    yaw_rad: Numbers,
+) -> Numbers:
+    """How far from the boundary, the shorter axis of each error ellipse stretched to the longer one."""
+    depth_m: Numbers = shapely.distance(boundary, shapely.points(x_m, y_m))
+    for n in np.flatnonzero(across_m < std_m).tolist():
+        stretch = std_m[n] / max(across_m[n], std_m[n] / 1000)
+        cos, sin = np.cos(yaw_rad[n]), np.sin(yaw_rad[n])
+        turn = np.array([[cos, sin], [-sin * stretch, cos * stretch]])
+        seen = shapely.transform(boundary, lambda at, n=n, turn=turn: (at - (x_m[n], y_m[n])) @ turn.T)
+        depth_m[n] = shapely.distance(seen, shapely.Point(0, 0))
+    return depth_m
+
+
+def _stand(
+    region: CarefulRegion,
+    x_m: Numbers,
+    y_m: Numbers,
+    z_m: Numbers,
+    std_m: Numbers,
+    across_m: Numbers,
+    yaw_rad: Numbers,
+) -> _Stand:
     points = shapely.points(x_m, y_m)
     at_height = np.isnan(z_m) | ((z_m >= region.z_min_m) & (z_m < region.z_max_m))
     if region.predicate == "covers":
@@ -203,7 +233,7 @@ def _stand(region: CarefulRegion, x_m: Numbers, y_m: Numbers, z_m: Numbers, std_
     if region.reach is not None:
         far &= ~shapely.contains(region.reach, points)
     if region.enter_stds is not None and region.leave_stds is not None and region.widest_std_m is not None:
-        depth_m = shapely.distance(shapely.boundary(region.footprint), points)
+        depth_m = _depth_m(shapely.boundary(region.footprint), x_m, y_m, std_m, across_m, yaw_rad)
         known_m = np.nan_to_num(std_m)
         is_vague = known_m > region.widest_std_m
         enters &= (depth_m >= region.enter_stds * known_m) & ~is_vague
@@ -230,7 +260,7 @@ def _between(region: CarefulRegion, way: Way) -> dict[int, list[tuple[int, bool,
             way.x_m[n - 1] + middles * (way.x_m[n] - way.x_m[n - 1]),
             way.y_m[n - 1] + middles * (way.y_m[n] - way.y_m[n - 1]),
             way.z_m[n - 1] + middles * (way.z_m[n] - way.z_m[n - 1]),
-            np.full(len(middles), way.std_m[n]),
+            *(np.full(len(middles), each[n]) for each in (way.std_m, way.std_across_m, way.std_yaw_rad)),
         )
         found[n] = [
             (
