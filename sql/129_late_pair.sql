@@ -19,7 +19,7 @@ begin
       where n.track_id = any (p_track_ids) and n.first_stamp <= p_to
     ), stated as materialized (
       select s.track_id, row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
-                             s.length_m, s.width_m)::semap.track_state as state
+                             s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad)::semap.track_state as state
       from semap.stored_state s
       where s.track_id = any (p_track_ids) and s.stamp > p_from and s.stamp <= p_to
         and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= p_from
@@ -28,8 +28,7 @@ begin
       select (t.present).track_id, coalesce(b.state, (select l from semap.state_before((t.present).track_id, p_from) l))
       from taking_part t
       left join lateral (
-        select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
-                   s.length_m, s.width_m)::semap.track_state as state
+        select s as state
         from semap.track_state s
         where s.track_id = (t.present).track_id and s.stamp <= p_from and s.stamp > p_from - interval '1 min'
         order by s.stamp desc limit 1) b on true
@@ -117,7 +116,8 @@ begin
       select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.heading_rad, a.speed_mps, a.length_m, a.width_m,
                  a.is_last, a.source_id, a.map_id, a.cell_m,
                  exists (select from unnest(p_states) b where b.track_id = a.track_id and b.stamp <= p_from and not b.is_last),
-                 a.seen_stamp, null, null, null, '{}', null)::semap.arrival
+                 a.seen_stamp, null, null, null, '{}', null,
+                 a.std_across_m, a.std_yaw_rad)::semap.arrival
       from unnest(p_states) a where a.stamp > p_from));
     changes := array(select c from semap.relation_change c
                      where c.map_id = p_map_id and c.stamp > p_from and c.query_id = any (p_query_ids) order by c.change_id);
