@@ -1,148 +1,7 @@
 -- Late states and pairs: what any two things were to each other is what it would be had the states of both come in the
 -- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching, the
--- side of a line) and on when it was compared. So the past is *played* again, by the code that follows pairs as states come
--- in (sql/123, 124), in a part of the transaction that is rolled back: once with the late states and once without them.
--- Only what the two plays differ in is written, in the transaction that brings the states.
-
--- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
--- without outliers, without what is named, and no further than each is known to be now. The first state of each track says
--- where it was at that moment, if it was there.
-create or replace function semap.states_to_play(
-  p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
-  p_without_ids bigint[], p_without_stamps timestamptz[]
-) returns semap.arrival[]
-language plpgsql stable set plan_cache_mode = force_custom_plan as $$
-begin
-  return (
-    with taking_part as (
-      select n as present, s as source from semap.track_now n join semap.source s using (source_id)
-      where n.track_id = any (p_track_ids) and n.first_stamp <= p_to
-    ), stated as materialized (
-      select s.track_id, row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
-                             s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad)::semap.track_state as state
-      from semap.stored_state s
-      where s.track_id = any (p_track_ids) and s.stamp > p_from and s.stamp <= p_to
-        and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= p_from
-      union all
-      -- most were seen not long before
-      select (t.present).track_id, coalesce(b.state, (select l from semap.state_before((t.present).track_id, p_from) l))
-      from taking_part t
-      left join lateral (
-        select s as state
-        from semap.track_state s
-        where s.track_id = (t.present).track_id and s.stamp <= p_from and s.stamp > p_from - interval '1 min'
-        order by s.stamp desc limit 1) b on true
-      where (t.present).first_stamp <= p_from
-    ), kept as (
-      select track_id, array_agg(state order by (state).stamp) as states, min((state).stamp) as first_stamp
-      from stated
-      where (state).stamp is not null
-        and not exists (select from unnest(p_without_ids, p_without_stamps) w (track_id, stamp)
-                        where w.track_id = stated.track_id and w.stamp = (stated.state).stamp)
-      group by track_id
-    ), ended as (
-      select k.track_id, array_agg(distinct e.stamp) as stamps
-      from kept k
-      join semap.relation_change e
-        on e.map_id = p_map_id and e.track_id = k.track_id and e.cause = 'disappeared' and e.object_track_id is null
-        and e.stamp >= k.first_stamp and e.stamp <= p_to and e.amendment is distinct from 'retracted'
-        and not exists (select from semap.relation_change d where d.retracts = e.uid)
-        and not exists (select from unnest(p_without_ids, p_without_stamps) w (track_id, stamp)
-                        where w.track_id = k.track_id and w.stamp = e.stamp)
-      group by k.track_id
-    )
-    select array_agg(a order by (a).stamp, (a).track_id)
-    from taking_part t
-    join kept k on k.track_id = (t.present).track_id
-    left join ended e on e.track_id = k.track_id
-    cross join lateral semap.arrivals_again(
-      t.source,
-      array(select s from unnest(k.states) s where s.stamp <= (t.present).stamp), t.present, k.first_stamp > p_from,
-      e.stamps || array(select (t.present).stamp where not (t.present).live and (t.present).stamp <= p_to), p_to) g
-    cross join lateral unnest(g.arrivals) a
-    where (a).stamp > p_from or (a).stamp = (select max(stamp) from unnest(g.arrivals) where stamp <= p_from));
-end $$;
-comment on function semap.states_to_play is
-  'What these tracks were at a moment, and what they did from there on up to another one.';
-
--- What held at a moment between any two of these things, by the log.
-create or replace function semap.pairs_held_at(p_query_ids integer[], p_track_ids bigint[], p_at timestamptz)
-returns table (query_id integer, subject_key bigint, object_key bigint, since timestamptz)
-language sql stable as $$
-  select h.query_id, k.subject_key, k.object_key, max(h.since)
-  from (select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.relation_past
-        where query_id = any (p_query_ids) and tstzrange(since, until, '[]') @> p_at and until > p_at
-        union all
-        select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.pair
-        where query_id = any (p_query_ids) and held and since <= p_at) h
-  cross join lateral (select coalesce(h.track_id, -h.subject_instance_id) as subject_key,
-                             coalesce(h.object_track_id, -h.instance_id) as object_key) k
-  where (k.subject_key < 0 or k.subject_key = any (p_track_ids)) and (k.object_key < 0 or k.object_key = any (p_track_ids))
-  group by h.query_id, k.subject_key, k.object_key
-$$;
-comment on function semap.pairs_held_at is
-  'What held at a moment between any two of these things, by the log.';
-
--- Play the pairs of a map from a moment on, at which what is given held, and tell what changed and which pairs there are at
--- the end. Nothing of it stays.
-create or replace function semap.play_pairs(
-  p_map_id integer, p_query_ids integer[], p_from timestamptz, p_states semap.arrival[],
-  out changes semap.relation_change[], out pairs semap.pair[]
-) language plpgsql as $$
-declare
-  v_is_over  constant text := 'SM129';
-  v_held     semap.pair[];
-  v_ids      bigint[] := array(select distinct track_id from unnest(p_states));
-begin
-  select array_agg(row(null, p_map_id, h.query_id, case when h.subject_key > 0 then h.subject_key end,
-                       case when h.subject_key < 0 then -h.subject_key end, case when h.object_key < 0 then -h.object_key end,
-                       case when h.object_key > 0 then h.object_key end, true, h.since, true, h.since, null, null,
-                       h.subject_key, h.object_key)::semap.pair)
-  into v_held from semap.pairs_held_at(p_query_ids, v_ids, p_from) h;
-  begin
-    delete from semap.relation_change where map_id = p_map_id and stamp > p_from and query_id = any (p_query_ids);
-    delete from semap.pair where query_id = any (p_query_ids) and (track_id is not null or object_track_id is not null);
-    delete from semap.pair_member where query_id = any (p_query_ids) and track_id is not null;
-    perform semap.place_tracks(
-      array_agg(a), array_agg(a.track_id)) from unnest(p_states) a where a.stamp <= p_from and not a.is_last;
-    insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                            held, since, inside, inside_at)
-    select h.map_id, h.query_id, h.track_id, h.subject_instance_id, h.instance_id, h.object_track_id, true, h.since, true, h.since
-    from unnest(v_held) h
-    where (h.track_id is not null or h.object_track_id is not null)
-      and exists (select from semap.pair_member m where m.key = h.subject_key and m.query_id = h.query_id and not m.is_object)
-      and exists (select from semap.pair_member m where m.key = h.object_key and m.query_id = h.query_id and m.is_object);
-    perform semap.compare_pairs(p_map_id, array(
-      select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.heading_rad, a.speed_mps, a.length_m, a.width_m,
-                 a.is_last, a.source_id, a.map_id, a.cell_m,
-                 exists (select from unnest(p_states) b where b.track_id = a.track_id and b.stamp <= p_from and not b.is_last),
-                 a.seen_stamp, null, null, null, '{}', null,
-                 a.std_across_m, a.std_yaw_rad)::semap.arrival
-      from unnest(p_states) a where a.stamp > p_from));
-    changes := array(select c from semap.relation_change c
-                     where c.map_id = p_map_id and c.stamp > p_from and c.query_id = any (p_query_ids) order by c.change_id);
-    pairs := array(select p from semap.pair p where p.query_id = any (p_query_ids));
-    raise exception using errcode = v_is_over;
-  exception when sqlstate 'SM129' then
-    null;
-  end;
-end $$;
-comment on function semap.play_pairs is
-  'Play the pairs of a map from a moment on, and tell what changed and which pairs there are at the end. Nothing of it stays.';
-
--- Who has these identities gives them away: what was taken back, and what says so, get others.
-create or replace function semap.free_uids(p_uids uuid[]) returns void
-language plpgsql as $$
-begin
-  if exists (select from semap.relation_change where uid = any (p_uids)) then
-    update semap.relation_change d
-    set uid = md5(d.uid || '|' || d.change_id)::uuid, retracts = md5(c.uid || '|' || c.change_id)::uuid
-    from semap.relation_change c where c.uid = any (p_uids) and d.retracts = c.uid;
-    update semap.relation_change c set uid = md5(c.uid || '|' || c.change_id)::uuid where c.uid = any (p_uids);
-  end if;
-end $$;
-comment on function semap.free_uids is
-  'Who has these identities gives them away: what was taken back, and what says so, get others.';
+-- side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and once
+-- without them. Only what the two plays differ in is written, in the transaction that brings the states.
 
 -- Add changes of pairs, in their order, and the spans that they end.
 create or replace function semap.add_pair_changes(p_changes semap.relation_change[]) returns void
@@ -187,31 +46,6 @@ $$;
 comment on function semap.pair_formed is
   'Since when a pair can be corrected.';
 
--- What a change says of a pair, whoever was called what.
-create or replace function semap.change_said(p_change semap.relation_change) returns semap.pair_change
-language sql immutable parallel safe as $$
-  select row((p_change).query_id, coalesce((p_change).track_id, -(p_change).subject_instance_id),
-             coalesce((p_change).object_track_id, -(p_change).instance_id), (p_change).kind::text, (p_change).cause,
-             (p_change).stamp, (p_change).edge_at, (p_change).since, (p_change).x_m, (p_change).y_m,
-             (p_change).direction)::semap.pair_change
-$$;
-comment on function semap.change_said is
-  'What a change says of a pair, whoever was called what.';
-
--- Which pairs are remembered in two ways, since when they hold aside.
-create or replace function semap.differing_pairs(p_pairs semap.pair[], p_others semap.pair[])
-returns table (query_id integer, subject_key bigint, object_key bigint)
-language sql immutable parallel safe as $$
-  select coalesce(p.query_id, o.query_id), coalesce(p.subject_key, o.subject_key), coalesce(p.object_key, o.object_key)
-  from unnest(p_pairs) p
-  full join unnest(p_others) o
-    on o.query_id = p.query_id and o.subject_key = p.subject_key and o.object_key = p.object_key
-  where (p.held, p.inside, case when p.inside <> p.held then p.inside_at end, p.distance_m, p.distance_at)
-     is distinct from (o.held, o.inside, case when o.inside <> o.held then o.inside_at end, o.distance_m, o.distance_at)
-$$;
-comment on function semap.differing_pairs is
-  'Which pairs are remembered in two ways, since when they hold aside.';
-
 -- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play differs
 -- from one without the late states (p_without), the first of which is of p_late_from. What the log says of a pair, and what the
 -- play says, have to agree on what held before the first late state and, but for a play up to the present, on what holds
@@ -229,9 +63,9 @@ declare
   v_now    semap.pair[];
 begin
   with played as (
-    select true as late, c, semap.change_said(c) as said from unnest(p_with) c
+    select true as late, c, semap.change_said(c) as said from unnest(p_with) c where c.query_id = any (p_query_ids)
     union all
-    select false, c, semap.change_said(c) from unnest(p_without) c
+    select false, c, semap.change_said(c) from unnest(p_without) c where c.query_id = any (p_query_ids)
   ), differing as (
     select distinct (said).query_id, (said).subject_key, (said).object_key from (
       select said from played where late except select said from played where not late
@@ -239,6 +73,7 @@ begin
       (select said from played where not late except select said from played where late)) d
     union
     select d.query_id, d.subject_key, d.object_key from semap.differing_pairs(p_pairs, p_pairs_without) d
+    where d.query_id = any (p_query_ids)
   ), logged as (
     select c, semap.change_said(c) as said from semap.relation_change c
     where c.map_id = p_map_id and c.stamp > p_from and c.query_id = any (p_query_ids)
@@ -344,14 +179,15 @@ comment on function semap.write_pair_amendments is
   'Write in what the log differs from a play of it, of the pairs in which that play differs from one without the late states.';
 
 -- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest, or for
--- whoever is faced however far away; else those that come near enough.
+-- whoever is faced however far away; else those that come near enough. Null where that is too much to look through.
 create or replace function semap.tracks_to_play(
   p_map_id integer, p_query_ids integer[], p_late_ids bigint[], p_from timestamptz, p_to timestamptz
 ) returns bigint[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
 declare
-  v_others   bigint[];
-  v_reach_m  double precision;
+  c_most_states  constant integer := 300000;
+  v_others       bigint[];
+  v_reach_m      double precision;
 begin
   select array_agg(distinct w.track_id) into v_others
   from semap.pair_track_wanted w join semap.track_now n using (track_id)
@@ -366,6 +202,11 @@ begin
     return p_late_ids;
   elsif v_reach_m = 'infinity' then
     return v_others;
+  elsif (select count(*) from (select from semap.stored_state s
+                               where s.track_id = any (v_others) and s.stamp >= p_from and s.stamp <= p_to
+                                 and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= p_from
+                               limit c_most_states + 1) c) > c_most_states then
+    return null;
   end if;
   return (
     with seen as materialized (
@@ -389,72 +230,109 @@ end $$;
 comment on function semap.tracks_to_play is
   'Which tracks may come into a pair with these between two moments.';
 
--- Correct what is known of the pairs of a map after states that came late. What a pair remembers of what was before is a
--- matter of a few comparisons and of the times to confirm, so the play begins four states and four such times before the
--- first late state. It goes on until both plays remember the same, at most up to the present.
+-- What is played after states that came late, of these tracks at these stamps, for queries that take so long to confirm. What
+-- a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a play begins four
+-- states and two such times before the first late state. p_further: how many states it goes on after the last one. The states
+-- are null where that is more than a play may hold, or where states of that time are gone.
+create or replace function semap.prepare_play(
+  p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
+  p_not_yet_ids bigint[], p_not_yet_stamps timestamptz[], p_further integer,
+  out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean, out track_ids bigint[],
+  out states semap.arrival[], out states_without semap.arrival[]
+)
+language plpgsql stable as $$
+declare
+  c_most_states  constant integer := 20000;
+  c_most_stamps  constant integer := 1000; -- rows that are written at each of them get slower within a transaction
+  c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
+  v_present      timestamptz := (select max(stamp) from semap.track_now where map_id = p_map_id);
+  v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
+begin
+  -- what a track was compared with when it appeared is played as well
+  select least(min(b.stamp), p_stamps[1] - greatest(2 * p_confirm, '1 us')) into from_stamp
+  from unnest(v_ids) id
+  cross join lateral (select case when count(*) < 4 then min(stamp) - interval '1 us' else min(stamp) end as stamp
+                      from semap.states_around(id, p_stamps[1], 4, 0, p_stamps[1])) b;
+  if from_stamp < (select gone_before from semap.retention where kind = 'states') then
+    return;
+  end if;
+  -- beyond its last state nothing of a track changes but what lasts, and what others do
+  select greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
+         + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end
+  into to_stamp
+  from unnest(v_ids) id
+  cross join lateral (select count(*) as states, max(stamp) as stamp
+                      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further, v_present)) a;
+  is_present := to_stamp >= v_present;
+  track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
+  if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
+      from (select s.stamp from semap.stored_state s
+            where s.track_id = any (track_ids) and s.stamp > prepare_play.from_stamp and s.stamp <= prepare_play.to_stamp
+              and s.from_stamp > prepare_play.from_stamp - interval '30 min'
+              and s.from_stamp <= prepare_play.to_stamp and s.to_stamp >= prepare_play.from_stamp
+            limit c_most_states + 1) c) then
+    states := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, p_not_yet_ids, p_not_yet_stamps);
+    states_without := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp,
+                                           p_ids || p_not_yet_ids, p_stamps || p_not_yet_stamps);
+  end if;
+end $$;
+comment on function semap.prepare_play is
+  'What is played after states that came late.';
+
+-- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to play, else
+-- fewer; and where one state alone is too much, without the queries that take longest to confirm. A play goes on until it
+-- makes no difference to what is remembered, at most up to the present.
 create or replace function semap.amend_pairs(p_map_id integer, p_late semap.arrival[]) returns void
 language plpgsql as $$
 declare
-  c_most_late    constant integer := 200;
-  c_most_states  constant integer := 20000;
-  v_query_ids    integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled);
-  v_confirm      interval;
-  v_late_ids     bigint[];
-  v_stamps       timestamptz[];
-  v_ids          bigint[];
-  v_from         timestamptz;
-  v_late_to      timestamptz;
-  v_to           timestamptz;
-  v_present      timestamptz;
-  v_further      integer;
-  v_track_ids    bigint[];
-  v_is_present   boolean;
-  v_states       semap.arrival[];
-  v_with         record;
-  v_without      record;
+  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled);
+  v_amended    integer[] := v_query_ids;
+  v_confirm    interval;
+  v_ids        bigint[];
+  v_stamps     timestamptz[];
+  v_count      integer := 200;
+  v_further    integer;
+  v_next       record;
+  v_play       record;
+  v_with       record;
+  v_without    record;
 begin
   select array_agg(track_id order by stamp, track_id), array_agg(stamp order by stamp, track_id)
-  into v_late_ids, v_stamps
+  into v_ids, v_stamps
   from (select distinct l.track_id, l.stamp from unnest(p_late) l
         where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id and w.query_id = any (v_query_ids))) l;
-  select 4 * max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
-  from semap.continuous_query where query_id = any (v_query_ids);
-  select max(stamp) into v_present from semap.track_now where map_id = p_map_id;
-
-  while cardinality(v_late_ids) > 0 loop
-    v_ids := array(select distinct id from unnest(v_late_ids[:c_most_late]) id);
-    -- what a track was compared with when it appeared is played as well
-    select least(min(b.stamp), v_stamps[1] - greatest(v_confirm, '1 us')) into v_from
-    from unnest(v_ids) id
-    cross join lateral (select case when count(*) < 4 then min(stamp) - interval '1 us' else min(stamp) end as stamp
-                        from semap.states_around(id, v_stamps[1], 4, 0, v_stamps[1])) b;
-    exit when v_from < (select gone_before from semap.retention where kind = 'states');
-    v_late_to := v_stamps[least(c_most_late, cardinality(v_stamps))];
+  while cardinality(v_ids) > 0 loop
     v_further := 4;
     loop
-      -- beyond its last state nothing of a track changes but what lasts, and what others do
-      select greatest(max(a.stamp), v_late_to + v_further * v_confirm / 4)
-             + case when bool_or(a.states < v_further) then v_further * interval '1 s' else '0' end
-      into v_to
-      from unnest(v_ids) id
-      cross join lateral (select count(*) as states, max(stamp) as stamp
-                          from semap.states_around(id, v_late_to + interval '1 us', 0, v_further, v_present)) a;
-      v_is_present := v_to >= v_present;
-      v_track_ids := semap.tracks_to_play(p_map_id, v_query_ids, v_ids, v_from, v_to);
-      v_states := semap.states_to_play(p_map_id, v_track_ids, v_from, v_to, v_late_ids[c_most_late + 1:], v_stamps[c_most_late + 1:]);
-      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_from, v_states);
-      select * into v_without from semap.play_pairs(
-        p_map_id, v_query_ids, v_from,
-        semap.states_to_play(p_map_id, v_track_ids, v_from, v_to, v_late_ids, v_stamps));
-      exit when v_is_present or cardinality(v_states) > c_most_states
-             or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
+      select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
+      from semap.continuous_query where query_id = any (v_amended);
+      select * into v_next from semap.prepare_play(
+        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:], v_stamps[v_count + 1:], v_further);
+      if v_next.states is null then
+        exit when v_further > 4;
+        if least(v_count, cardinality(v_ids)) > 1 then
+          v_count := least(v_count, cardinality(v_ids)) / 2;
+        else
+          v_amended := array(select query_id from semap.continuous_query
+                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm, '0') < v_confirm);
+        end if;
+        exit when v_amended = '{}';
+        continue;
+      end if;
+      v_play := v_next;
+      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.states);
+      select * into v_without from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.states_without);
+      exit when v_play.is_present or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
       v_further := 4 * v_further;
     end loop;
-    perform semap.write_pair_amendments(
-      p_map_id, v_query_ids, v_track_ids, v_from, v_stamps[1], v_to, v_is_present,
-      v_with.changes, v_without.changes, v_with.pairs, v_without.pairs);
-    v_late_ids := v_late_ids[c_most_late + 1:];
-    v_stamps := v_stamps[c_most_late + 1:];
+    if v_amended <> '{}' then
+      perform semap.write_pair_amendments(
+        p_map_id, v_amended, v_play.track_ids, v_play.from_stamp, v_stamps[1], v_play.to_stamp, v_play.is_present,
+        v_with.changes, v_without.changes, v_with.pairs, v_without.pairs);
+    end if;
+    v_ids := v_ids[v_count + 1:];
+    v_stamps := v_stamps[v_count + 1:];
+    v_amended := v_query_ids;
   end loop;
 end $$;
 comment on function semap.amend_pairs is

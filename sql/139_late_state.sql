@@ -31,6 +31,20 @@ $$;
 comment on function semap.take_back is
   'Take changes back: they get a change each that says so, and the spans that they ended are gone.';
 
+-- Who has these identities gives them away: what was taken back, and what says so, get others.
+create or replace function semap.free_uids(p_uids uuid[]) returns void
+language plpgsql as $$
+begin
+  if exists (select from semap.relation_change where uid = any (p_uids)) then
+    update semap.relation_change d
+    set uid = md5(d.uid || '|' || d.change_id)::uuid, retracts = md5(c.uid || '|' || c.change_id)::uuid
+    from semap.relation_change c where c.uid = any (p_uids) and d.retracts = c.uid;
+    update semap.relation_change c set uid = md5(c.uid || '|' || c.change_id)::uuid where c.uid = any (p_uids);
+  end if;
+end $$;
+comment on function semap.free_uids is
+  'Who has these identities gives them away: what was taken back, and what says so, get others.';
+
 -- Add changes of relations of a track, in their order, and the spans that they end. One that was taken back, and stands
 -- again, has the identity that it had: what was taken back, and its retraction, get others.
 create or replace function semap.add_changes(p_now semap.track_now, p_changes semap.amended[]) returns void

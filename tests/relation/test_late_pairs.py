@@ -13,7 +13,7 @@ from pair_oracle import Change, PairOracle, Question, Thing
 from pair_town import Town
 from semap_service.operations.doctor.verification import verify
 from test_pairs import frames, questions, shape_of, step
-from world import SECOND_US
+from world import SECOND_US, World
 
 QUICK = settings(
     max_examples=40,
@@ -179,7 +179,7 @@ def test_what_comes_late_between_edits_leaves_a_sound_log(database: str, asked: 
     try:
         for name in "abcd":
             town.track(name, ord(name) % 2)
-        for _ in range(30):
+        for _ in range(20):
             what = dice.random()
             source = dice.randint(0, 1)
             now_us[source] = max(now_us[source], max(now_us) - lag_us)
@@ -211,3 +211,52 @@ def test_what_comes_late_between_edits_leaves_a_sound_log(database: str, asked: 
         assert [each for each in found if each.differ] == []
     finally:
         town.close()
+
+
+def near(world: World, name: str, confirm_s: int = 0) -> int:
+    return world.one(
+        "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, distance_m, enter_confirm)"
+        " values (%s, %s, 'within_distance', 'track', 'track', 1, make_interval(secs => %s)) returning query_id",
+        world.map_id, name, confirm_s,
+    )  # fmt: skip
+
+
+def spans(world: World, query_id: int) -> list[tuple]:
+    return world.rows(
+        "select track_name, extract(epoch from since)::integer, extract(epoch from until)::integer"
+        " from semap.relation_past where query_id = %s order by 1, 2",
+        query_id,
+    )
+
+
+def test_a_play_that_would_hold_too_much_is_of_the_queries_that_need_less(world: World) -> None:
+    """Who stands for an hour before a meeting counts is not looked at again; who meets at once is."""
+    plain, patient = near(world, "near"), near(world, "near for an hour", 3600)
+    a, b = world.add_track("a"), world.add_track("b")
+    world.add_states([(b, 0, 0.0, 5.0, None)])
+    world.add_states([(a, second * SECOND_US, 0.0, 0.0, None) for second in range(2_500) if second != 1_500])
+    late_us = 1_500 * SECOND_US
+    world.add_states([(a, late_us, 0.0, 4.5, None)])
+    began_us = world.one(
+        "select (extract(epoch from since) * 1000000)::bigint from semap.relation_past where query_id = %s limit 1",
+        plain,
+    )
+    assert began_us == late_us
+    assert world.one("select count(*) from semap.relation_change where query_id = %s", plain) == 4
+    assert world.one("select count(*) from semap.relation_change where query_id = %s", patient) == 0
+
+
+def test_what_a_query_asks_since_then_is_not_asked_of_before(world: World) -> None:
+    a, b = world.add_track("a"), world.add_track("b")
+    for second in (0, 1, 3, 4, 6):
+        world.add_states([(a, second * SECOND_US, 0.0, 0.0, None), (b, second * SECOND_US, 9.0, 0.0, None)])
+    query_id = near(world, "near")
+    for second in (7, 8, 10, 11, 12, 13):
+        world.add_states([(a, second * SECOND_US, 0.0, 0.0, None), (b, second * SECOND_US, 9.0, 0.0, None)])
+    world.add_states([(a, 2 * SECOND_US, 9.0, 0.0, None)])
+    assert spans(world, query_id) == []
+    for second in range(14, 20):
+        world.add_states([(a, second * SECOND_US, 0.0, 0.0, None), (b, second * SECOND_US, 9.0, 0.0, None)])
+    world.add_states([(a, 14 * SECOND_US + 1, 9.0, 0.0, None)])
+    world.add_states([(a, 12 * SECOND_US + SECOND_US // 2, 9.0, 0.0, None)])
+    assert [span[:1] for span in spans(world, query_id)] == [("a",), ("a",), ("b",), ("b",)]
