@@ -244,6 +244,19 @@ end $$;
 comment on function semap.record_pair_changes is
   'Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past.';
 
+-- Note that these queries have a new form: what came before on their map is not a matter of it.
+create or replace function semap.note_pair_forms(p_query_ids integer[]) returns void
+language sql as $$
+  insert into semap.pair_form as f (query_id, map_id, formed_stamp, formed_track_id)
+  select q.query_id, q.map_id, max(n.stamp), max(n.track_id)
+  from semap.continuous_query q join semap.track_now n using (map_id)
+  where q.query_id = any (p_query_ids) and q.in_pairs
+  group by q.query_id
+  on conflict (query_id) do update set formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
+$$;
+comment on function semap.note_pair_forms is
+  'Note that these queries have a new form: what came before on their map is not a matter of it.';
+
 -- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all;
 -- their members go. Gives the queries whose nearest ones have to be looked up again without them.
 create or replace function semap.part_pairs(
@@ -280,6 +293,9 @@ begin
   select array_agg(distinct query_id) into v_nearest
   from gone join semap.continuous_query q using (query_id)
   where is_object and q.predicate = 'nearest' and q.in_pairs and q.enabled;
+  if p_cause = 'map' then
+    perform semap.note_pair_forms(v_nearest); -- whose past was with what is gone
+  end if;
   return v_nearest;
 end $$;
 comment on function semap.part_pairs is

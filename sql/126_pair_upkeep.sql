@@ -117,12 +117,7 @@ begin
   v_changed := semap.place_instance_members(p_query_ids, p_keys) || semap.place_track_members(p_query_ids, p_keys);
   if p_is_other then
     v_changed := array(select distinct key from semap.pair_member where query_id = any (p_query_ids));
-    insert into semap.pair_form as f (query_id, map_id, formed_stamp, formed_track_id)
-    select q.query_id, q.map_id, max(n.stamp), max(n.track_id)
-    from semap.continuous_query q join semap.track_now n using (map_id)
-    where q.query_id = any (p_query_ids) and q.in_pairs
-    group by q.query_id
-    on conflict (query_id) do update set formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id;
+    perform semap.note_pair_forms(p_query_ids);
   elsif v_nearest <> '{}' then
     v_changed := v_changed || array(select key from semap.pair_member where query_id = any (v_nearest) and not is_object);
   end if;
@@ -130,7 +125,7 @@ begin
   set formed_stamp = n.stamp, formed_track_id = n.track_id
   from (select map_id, max(stamp) as stamp, max(track_id) as track_id from semap.track_now
         where map_id in (select map_id from semap.continuous_query where query_id = any (p_query_ids)) group by map_id) n
-  where m.query_id = any (p_query_ids) and m.instance_id is not null and m.key = any (v_changed) and m.map_id = n.map_id;
+  where m.query_id = any (p_query_ids) and m.key = any (v_changed) and m.map_id = n.map_id;
   perform semap.record_pair_changes(semap.settle_pairs(p_query_ids, v_changed, null, null, 'map'));
 end $$;
 comment on function semap.refresh_pairs is

@@ -84,7 +84,7 @@ comment on function semap.pairs_held_at is
 -- Play the pairs of a map from a moment on, at which what is given held, and tell what changed and which pairs there are at
 -- the end. Nothing of it stays.
 create or replace function semap.play_pairs(
-  p_map_id integer, p_query_ids integer[], p_from timestamptz, p_states semap.arrival[],
+  p_map_id integer, p_query_ids integer[], p_from timestamptz, p_to timestamptz, p_states semap.arrival[],
   out changes semap.relation_change[], out pairs semap.pair[]
 ) language plpgsql as $$
 declare
@@ -98,7 +98,9 @@ begin
                        h.subject_key, h.object_key)::semap.pair)
   into v_held from semap.pairs_held_at(p_query_ids, v_ids, p_from) h;
   begin
-    delete from semap.relation_change where map_id = p_map_id and stamp > p_from and query_id = any (p_query_ids);
+    -- what happens again has the identity that it had
+    delete from semap.relation_change
+    where map_id = p_map_id and stamp > p_from and stamp <= p_to and query_id = any (p_query_ids);
     delete from semap.pair where query_id = any (p_query_ids) and (track_id is not null or object_track_id is not null);
     delete from semap.pair_member where query_id = any (p_query_ids) and track_id is not null;
     perform semap.place_tracks(
@@ -118,7 +120,8 @@ begin
                  a.std_across_m, a.std_yaw_rad)::semap.arrival
       from unnest(p_states) a where a.stamp > p_from));
     changes := array(select c from semap.relation_change c
-                     where c.map_id = p_map_id and c.stamp > p_from and c.query_id = any (p_query_ids) order by c.change_id);
+                     where c.map_id = p_map_id and c.stamp > p_from and c.stamp <= p_to and c.query_id = any (p_query_ids)
+                     order by c.change_id);
     pairs := array(select p from semap.pair p where p.query_id = any (p_query_ids));
     raise exception using errcode = v_is_over;
   exception when sqlstate 'SM129' then

@@ -3,14 +3,24 @@
 -- side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and once
 -- without them. Only what the two plays differ in is written, in the transaction that brings the states.
 
--- Add changes of pairs, in their order, and the spans that they end.
+-- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the identity
+-- that it had; one that holds since another moment than before gets one of its own, since who believes the other has to know.
 create or replace function semap.add_pair_changes(p_changes semap.relation_change[]) returns void
 language plpgsql as $$
+declare
+  v_change   semap.relation_change;
+  v_changes  semap.relation_change[];
 begin
-  if p_changes = '{}' then
+  foreach v_change in array p_changes loop
+    if exists (select from semap.relation_change o where o.uid = v_change.uid and o.since <> v_change.since) then
+      v_change.uid := md5(v_change.uid || '|' || v_change.since)::uuid;
+    end if;
+    v_changes := v_changes || v_change;
+  end loop;
+  if v_changes is null then
     return;
   end if;
-  perform semap.free_uids(array(select uid from unnest(p_changes)));
+  perform semap.free_uids(array(select uid from unnest(v_changes)));
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
@@ -18,13 +28,13 @@ begin
   select uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
          'added'
-  from unnest(p_changes) order by stamp, edge_at, change_id;
+  from unnest(v_changes) order by stamp, edge_at, change_id;
   insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
                                    subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
                                    since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
-  from unnest(p_changes) where kind = 'ended' order by edge_at, change_id;
+  from unnest(v_changes) where kind = 'ended' order by edge_at, change_id;
 end $$;
 comment on function semap.add_pair_changes is
   'Add changes of pairs, in their order, and the spans that they end.';
@@ -38,7 +48,7 @@ language sql stable as $$
   from (select formed_stamp, formed_track_id from semap.pair_form where query_id = p_query_id
         union all
         select formed_stamp, formed_track_id from semap.pair_member m
-        where m.query_id = p_query_id and m.instance_id is not null
+        where m.query_id = p_query_id
           and (m.key in (p_subject_key, p_object_key)
                or exists (select from semap.continuous_query q where q.query_id = p_query_id and q.predicate = 'nearest'))) f
   where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end, case when p_object_key > 0 then p_object_key end)
@@ -217,6 +227,14 @@ begin
       union all
       select n.track_id, n.x_m, n.y_m, greatest(n.length_m, n.width_m, 0)
       from semap.track_now n where n.track_id = any (v_others) and n.stamp <= p_to
+      union all
+      -- who was not heard of for a while is where it was
+      select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0)
+      from semap.track_now n
+      cross join lateral semap.state_before(n.track_id, p_from) b
+      where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
+        and not exists (select from semap.track_state s where s.track_id = n.track_id and s.stamp <= p_from
+                                                          and s.stamp >= p_from - interval '1 min')
     ), box as (
       select min(x_m) as x_min_m, max(x_m) as x_max_m, min(y_m) as y_min_m, max(y_m) as y_max_m,
              max(size_m) + v_reach_m as reach_m
@@ -243,7 +261,7 @@ create or replace function semap.prepare_play(
 language plpgsql stable as $$
 declare
   c_most_states  constant integer := 20000;
-  c_most_stamps  constant integer := 1000; -- rows that are written at each of them get slower within a transaction
+  c_most_stamps  constant integer := 500; -- rows that are written at each of them get slower within a transaction
   c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
   v_present      timestamptz := (select max(stamp) from semap.track_now where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
@@ -253,7 +271,7 @@ begin
   from unnest(v_ids) id
   cross join lateral (select case when count(*) < 4 then min(stamp) - interval '1 us' else min(stamp) end as stamp
                       from semap.states_around(id, p_stamps[1], 4, 0, p_stamps[1])) b;
-  if from_stamp < (select gone_before from semap.retention where kind = 'states') then
+  if from_stamp < (select max(gone_before) from semap.retention where kind in ('states', 'changes')) then
     return;
   end if;
   -- beyond its last state nothing of a track changes but what lasts, and what others do
@@ -320,8 +338,9 @@ begin
         continue;
       end if;
       v_play := v_next;
-      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.states);
-      select * into v_without from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.states_without);
+      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states);
+      select * into v_without from semap.play_pairs(
+        p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states_without);
       exit when v_play.is_present or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
       v_further := 4 * v_further;
     end loop;

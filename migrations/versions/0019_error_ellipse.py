@@ -13,7 +13,7 @@ STATEMENTS = (
       add column std_yaw_rad real,
       add constraint ellipse_is_one check (
         case when std_across_m is null then std_yaw_rad is null
-             else std_across_m between 0 and std_m and std_m < 'infinity' and abs(std_yaw_rad) <= 7
+             else std_across_m between 0 and std_m and std_m < 1e15 and abs(std_yaw_rad) <= 7
              end is true)
     """,
     """

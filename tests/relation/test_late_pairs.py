@@ -7,6 +7,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import pytest
+import shapely
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 from pair_oracle import Change, PairOracle, Question, Thing
@@ -260,3 +261,57 @@ def test_what_a_query_asks_since_then_is_not_asked_of_before(world: World) -> No
     world.add_states([(a, 14 * SECOND_US + 1, 9.0, 0.0, None)])
     world.add_states([(a, 12 * SECOND_US + SECOND_US // 2, 9.0, 0.0, None)])
     assert [span[:1] for span in spans(world, query_id)] == [("a",), ("a",), ("b",), ("b",)]
+
+
+def test_who_is_not_heard_of_for_long_is_met_where_it_stands(world: World) -> None:
+    query_id = near(world, "near")
+    a, b = world.add_track("a"), world.add_track("b")
+    world.add_states([(b, 0, 5.0, 0.0, None)])
+    for second in range(100, 120):
+        world.add_states([(a, second * SECOND_US, 0.0, 0.0, None)])
+    world.add_states([(b, 300 * SECOND_US, 5.0, 0.0, None)])
+    world.add_states([(a, 110 * SECOND_US + 1, 5.0, 0.0, None)])
+    assert spans(world, query_id) == [("a", 110, 111), ("b", 110, 111)]
+
+
+def test_what_was_nearest_before_something_went_is_not_corrected_without_it(world: World) -> None:
+    query_id = world.one(
+        "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, count)"
+        " values (%s, 'nearest', 'nearest', 'track', 'instance', 1) returning query_id", world.map_id,
+    )  # fmt: skip
+    for name, x in (("near", 5), ("far", 10)):
+        room = world.add_room(name, shapely.box(x - 0.5, -0.5, x + 0.5, 0.5))
+        world.run("insert into semap.abstraction (description_id, instance_id, type, geometry) select"
+                  " absolute_description_id, instance_id, 'Position2D', st_point(%s, 0) from semap.instance"
+                  " where instance_id = %s", x, room)  # fmt: skip
+    a = world.add_track("a")
+    for second in range(20):
+        world.add_states([(a, second * SECOND_US, 0.0, 0.0, None)])
+    world.delete_room("near")
+    before = world.one("select count(*) from semap.relation_change where query_id = %s", query_id)
+    world.add_states([(a, 10 * SECOND_US + 1, 7.0, 0.0, None)])
+    assert world.one("select count(*) from semap.relation_change where query_id = %s", query_id) == before
+
+
+def test_an_end_of_what_began_earlier_is_another_change(world: World) -> None:
+    """Who believes the one that was taken back has to know: it is retracted by its identity, and the other has its own."""
+    query_id = near(world, "near")
+    a, b = world.add_track("a"), world.add_track("b")
+    for second in range(20):
+        x = 0.5 if 10 <= second < 15 else 5.0
+        world.add_states([(a, second * SECOND_US, x, 0.0, None), (b, second * SECOND_US, 0.0, 0.0, None)])
+    ended = (
+        "select uid from semap.relation_change where query_id = %s and kind = 'ended' and amendment is null"
+    )
+    told = set(world.rows(ended, query_id))
+    world.add_states([(a, 9 * SECOND_US + 1, 0.5, 0.0, None)])
+    assert set(world.rows(ended, query_id)) == told
+    assert (
+        set(
+            world.rows(
+                "select retracts from semap.relation_change where kind = 'ended' and retracts is not null"
+            )
+        )
+        == told
+    )
+    assert [row[1:] for row in spans(world, query_id)] == [(9, 15), (9, 15)]
