@@ -125,7 +125,12 @@ begin
   cross join lateral (
     select exists (select from semap.held_at(p_track_id, greatest(s.first_stamp, f.formed_stamp)) n
                    where n.query_id = f.query_id and n.instance_id = f.instance_id) as held) h
-  where f.formed_stamp < p_late_to);
+  where f.formed_stamp < p_late_to
+    -- what was crossed before the region got its form, and known after it, is nothing that can be found again
+    and not exists (
+      select from semap.standing_changes_of_track(p_map_id, p_track_id, f.formed_stamp, s.last_stamp) c
+      where f.formed_stamp >= s.first_stamp and c.query_id = f.query_id and c.instance_id = f.instance_id
+        and c.edge_at <= f.formed_stamp));
 end $$;
 comment on function semap.verges_before is
   'The regions that these states of a track may concern, and what is known of it beside each before them.';
