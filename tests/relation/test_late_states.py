@@ -262,3 +262,20 @@ def test_writers_of_two_sources_correct_at_once(world: World) -> None:
         ("one", 40 * SECOND_US),
         ("two", 40 * SECOND_US),
     }
+
+
+def test_what_was_crossed_before_an_edit_and_known_after_it_stays(world: World) -> None:
+    """One track is not heard of while the map goes on, and the room is edited: its way out led through the wall before."""
+    world.ask(Asked(longest_gap=60.0, fastest_mps=30.0))
+    world.add_room("room", ROOM)
+    track, other = world.add_track("t"), world.add_track("other")
+    world.add_states(states(track, (1, 2), (2, 2), (3, 2)))
+    world.add_states(states(other, (30, 50)))
+    world.edit_room("room", ROOM.buffer(0.01, join_style="mitre"))
+    world.add_states(states(track, (37, 300), (38, 9), (39, 2), (40, 2)))
+    told = world.rows(STANDING, world.map_id)
+    assert [(row[3], row[5].timestamp()) for row in told] == [("began", 1), ("ended", 37), ("began", 39)]
+    assert told[1][6].timestamp() < 30
+    world.add_states(states(track, (35, 200)))
+    assert world.rows("select * from semap.log_differences(%s)", world.map_id) == []
+    assert world.rows(STANDING, world.map_id)[1] == told[1]
