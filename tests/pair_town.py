@@ -9,6 +9,7 @@ from uuid import NAMESPACE_URL, UUID, uuid4, uuid5
 import pytest
 import shapely
 from pair_oracle import Change, PairOracle, Question, Thing
+from semap_service.operations.doctor.verification import Verified, verify
 from world import World
 
 from semap.timeline.stamp import to_datetime
@@ -190,6 +191,12 @@ class Town:
                 self.query_id,
             )
         }
+
+    def differences(self) -> list[Verified]:
+        """What `semap doctor --verify` finds wrong with the map."""
+        verification = verify(self.world.dsn, lambda said: None)
+        with verification.connection:
+            return [each for each in verification.look(self.world.name) if each.differ]
 
     def check(self) -> None:
         wanted, found = self.oracle.log, self.log()

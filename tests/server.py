@@ -8,7 +8,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import text
+
 from semap.cluster import Cluster, lease
+from semap.store.database import one_transaction
+from semap.store.schema import schema_folder
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.
@@ -64,3 +70,13 @@ def fresh_database(cluster: Cluster, template: str | None = None) -> Iterator[st
         yield cluster.dsn(name)
     finally:
         cluster.drop_database(name)
+
+
+def migrate_to(dsn: str, version: str) -> None:
+    """Make the tables of an older semap, without what `sql/` says."""
+    with one_transaction(dsn) as connection:
+        connection.execute(text("create schema semap"))
+        config = Config()
+        config.set_main_option("script_location", str(schema_folder("migrations")))
+        config.attributes["connection"] = connection
+        command.upgrade(config, version)

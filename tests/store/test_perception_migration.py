@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from alembic import command
-from alembic.config import Config
-from sqlalchemy import text
+from server import migrate_to
 
-from semap.store.database import connect, one_transaction
-from semap.store.schema import migrate, schema_folder
+from semap.store.database import connect
+from semap.store.schema import migrate
 
 OLD = """
     create table semap.track_state_20260131 (like semap.track_state including all);
@@ -31,12 +29,7 @@ OLD = """
 
 
 def test_tracks_doors_and_days_go_on(empty_database: str) -> None:
-    with one_transaction(empty_database) as connection:
-        connection.execute(text("create schema semap"))
-        config = Config()
-        config.set_main_option("script_location", str(schema_folder("migrations")))
-        config.attributes["connection"] = connection
-        command.upgrade(config, "0007")
+    migrate_to(empty_database, "0007")
     with connect(empty_database) as connection:
         connection.execute(OLD)
         migrate(empty_database, slot=False)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from uuid import UUID
 
-from alembic import command
-from alembic.config import Config
-from sqlalchemy import text
+from server import migrate_to
 
-from semap.store.database import connect, one_transaction
-from semap.store.schema import migrate, schema_folder
+from semap.store.database import connect
+from semap.store.schema import migrate
 
 VISITS = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
 UIDS = [UUID(int=number) for number in range(5)]
@@ -37,15 +35,6 @@ OLD = """
              '{{"1": "2026-01-31T12:00:09.5+00:00"}}'
       from semap.rule
 """
-
-
-def migrate_to(dsn: str, version: str) -> None:
-    with one_transaction(dsn) as connection:
-        connection.execute(text("create schema semap"))
-        config = Config()
-        config.set_main_option("script_location", str(schema_folder("migrations")))
-        config.attributes["connection"] = connection
-        command.upgrade(config, version)
 
 
 def test_rules_events_and_progress_go_on(empty_database: str) -> None:
