@@ -10,7 +10,7 @@ import numpy as np
 import psycopg
 import shapely
 from numpy.typing import NDArray
-from semap_ingest.state_copy import pack_states
+from semap_ingest.state_copy import pack_frame, pack_states
 
 ROOM_X_M, ROOM_Y_M = 5.0, 4.0
 SPEED_MPS = 1.4
@@ -79,6 +79,26 @@ def batches(track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us:
             frame_stamps(len(places), first_us), places.transpose(0, 2, 1), strict=True
         )
     ]  # fmt: skip
+
+
+def framed(
+    source_id: int, track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us: int
+) -> list[bytes]:
+    """The same states, each batch one row of `track_state_frame`."""
+    tracks = len(track_ids)
+    return [
+        pack_frame(source_id, stamp_us, track_ids, x_m, y_m, np.full(tracks, 1.0), np.full(tracks, 0.05))
+        for stamp_us, (x_m, y_m) in zip(
+            frame_stamps(len(places), first_us).tolist(), places.transpose(0, 2, 1), strict=True
+        )
+    ]
+
+
+def source_of(connection: psycopg.Connection, track_ids: NDArray[np.int64]) -> int:
+    row = connection.execute(
+        "select source_id from semap.track where track_id = %s", [int(track_ids[0])]
+    ).fetchone()
+    return int(row[0]) if row else 0
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Time from COPY to the event at a WebSocket client, with every process of semap in between.
 
-A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: one batch, of
-one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at 30,000 ten of 200, each
-with a connection of its own and its frames a little after those of the one before. The clock starts when the
-COPY of the batch that holds the state does, and stops when the client has the event's text. How late a COPY
-began, since the one before was not done, is `late_p99_ms`: the rate is kept where that is small.
+A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: one row of
+`track_state_frame`, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
+30,000 ten of 200, each with a connection of its own and its frames a little after those of the one before.
+The clock starts when the COPY of a frame does, and stops when the client has the text of an event of it. How
+late a COPY began, since the one before was not done, is `late_p99_ms`: the rate is kept where that
+is small.
 
 An event waits for two commits, that of the COPY and that of the worker, so the disk is measured beside it:
 `commit_ms` is what one row takes that the first source commits to a table of its own after each second frame.
@@ -26,11 +27,11 @@ import numpy as np
 import psycopg
 import websockets
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
+from semap_ingest.replay import COPY_FRAMES
 from semap_service.port import free_port
 from semap_service.supervisor import Supervisor
 
-from bench.crowd import RATE_HZ, Floor, batches, build_map, frame_stamps, walk
+from bench.crowd import RATE_HZ, Floor, build_map, frame_stamps, framed, source_of, walk
 from bench.figure import Rows, percentiles
 from semap.store.database import connect
 from semap.timeline.stamp import parse_stamp
@@ -63,6 +64,7 @@ class Source:
     places  (frames, tracks, 2) [m]
     """
 
+    source_id: int
     track_ids: NDArray[np.int64]
     places: NDArray[np.float64]
     after_us: int
@@ -71,7 +73,7 @@ class Source:
     def frames(self) -> list[tuple[int, bytes]]:
         """The stamp [us] and the batch of each."""
         stamps_us = frame_stamps(len(self.places), FIRST_US + self.after_us)
-        data = batches(self.track_ids, self.places, int(stamps_us[0]))
+        data = framed(self.source_id, self.track_ids, self.places, int(stamps_us[0]))
         return list(zip(stamps_us.tolist(), data, strict=True))
 
 
@@ -136,7 +138,7 @@ def _sources(connection: psycopg.Connection, name: str, states_per_s: int, frame
     _, track_ids = build_map(connection, name, FLOOR.rooms(), count * per_source, per_source)
     places = walk(FLOOR, count * per_source, frames, pause_s=5.0)
     return [
-        Source(ids, own, round(number * 1e6 / RATE_HZ / count))
+        Source(source_of(connection, ids), ids, own, round(number * 1e6 / RATE_HZ / count))
         for number, (ids, own) in enumerate(
             zip(np.split(track_ids, count), np.split(places, count, axis=1), strict=True)
         )
@@ -172,7 +174,7 @@ def _write(dsn: str, source: Source, started_s: float, sent: Sent) -> None:
             begun_s = time.monotonic()
             sent.begun_s[stamp_us] = begun_s
             sent.late_ms[stamp_us] = 1e3 * (begun_s - due_s)
-            with cursor.copy(COPY_STATES) as copy:
+            with cursor.copy(COPY_FRAMES) as copy:
                 copy.write(data)
             if source.after_us == 0 and number % 2 == 0:
                 done_s = time.monotonic()

@@ -17,9 +17,9 @@ from threading import Event as Signal
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
+from semap_ingest.replay import COPY_FRAMES, COPY_STATES
 
-from bench.crowd import RATE_HZ, batches, build_map, walk
+from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk
 from bench.figure import Rows, figure
 from bench.throughput import BARE_TABLE, COPY_BARE, FIRST_US, FLOOR
 from semap.store.database import connect
@@ -65,14 +65,15 @@ def measure(dsn: str) -> Rows:
 
 
 def _measure(dsn: str, tracks: int) -> dict[str, object]:
-    frames = WARM_UP + ROUNDS * FRAMES
-    places = walk(FLOOR, tracks, frames, PAUSE_S)
+    count = WARM_UP + ROUNDS * FRAMES
+    places = walk(FLOOR, tracks, count, PAUSE_S)
     tables = {
         "bare": _bare(dsn, tracks, places),
-        "triggers": _triggers(dsn, f"{tracks} tracks", places),
-        "debounced": _triggers(dsn, f"{tracks} tracks, debounced", places, debounced=True),
+        "frames": _triggers(dsn, f"{tracks} tracks", places, in_frames=True),
+        "rows": _triggers(dsn, f"{tracks} tracks, as rows", places),
+        "debounced": _triggers(dsn, f"{tracks} tracks, debounced", places, in_frames=True, debounced=True),
     }
-    for number in range(frames):
+    for number in range(count):
         for table in tables.values():
             Signal().wait(1 / RATE_HZ / len(tables))
             table.copy(number)
@@ -91,13 +92,18 @@ def _bare(dsn: str, tracks: int, places: NDArray[np.float64]) -> Kept:
     return Kept(connection, COPY_BARE, batches(np.arange(tracks), places, FIRST_US))
 
 
-def _triggers(dsn: str, name: str, places: NDArray[np.float64], *, debounced: bool = False) -> Kept:
+def _triggers(
+    dsn: str, name: str, places: NDArray[np.float64], *, in_frames: bool = False, debounced: bool = False
+) -> Kept:
     connection = connect(dsn)
     map_id, track_ids = build_map(connection, name, FLOOR.rooms(), places.shape[1])
     if debounced:
         connection.execute(DEBOUNCED, [map_id])
     connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
     connection.execute("vacuum analyze semap.track_now, semap.region")
+    if in_frames:
+        source_id = source_of(connection, track_ids)
+        return Kept(connection, COPY_FRAMES, framed(source_id, track_ids, places, FIRST_US))
     return Kept(connection, COPY_STATES, batches(track_ids, places, FIRST_US))
 
 

@@ -1,7 +1,10 @@
-"""States per second through the triggers, beside a bare COPY of the same rows.
+"""States per second through the triggers, as frames and as rows, beside a bare COPY of the same rows.
 
 The bare table has the same columns and nothing else: no key, no partitions, no constraint, no
-trigger. Both commit every batch durably. Rounds of the two alternate.
+trigger. All commit every batch durably, with the relations that follow from it. Rounds take turns.
+
+What is a frame at first becomes rows of track_state within seconds, beside the writer: what that takes is
+measured after each round, and so is the rate if one process did both.
 """
 
 from __future__ import annotations
@@ -9,10 +12,10 @@ from __future__ import annotations
 import time
 
 import psycopg
-from semap_ingest.replay import COPY_STATES
+from semap_ingest.replay import COPY_FRAMES, COPY_STATES
 from semap_ingest.state_copy import COLUMNS
 
-from bench.crowd import Floor, batches, build_map, walk
+from bench.crowd import Floor, batches, build_map, framed, source_of, walk
 from bench.figure import figure
 from semap.store.database import connect
 
@@ -39,30 +42,50 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         _, track_ids = build_map(connection, name, FLOOR.rooms(), TRACKS)
         connection.execute(BARE_TABLE)
         connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
-        places = walk(FLOOR, TRACKS, (ROUNDS + 1) * FRAMES, pause_s)
-        rates: dict[str, list[float]] = {"bare": [], "triggers": []}
-        data = batches(track_ids, places, FIRST_US)
-        _copy(connection, COPY_STATES, data[:FRAMES])
+        places = walk(FLOOR, TRACKS, (2 * ROUNDS + 1) * FRAMES, pause_s)
+        rates: dict[str, list[float]] = {"bare": [], "rows": [], "frames": [], "both": []}
+        as_rows = batches(track_ids, places, FIRST_US)
+        as_frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
+        _copy(connection, COPY_STATES, as_rows[:FRAMES])
         connection.execute("vacuum analyze semap.track_now")
         before = _changes(connection)
-        for number in range(1, ROUNDS + 1):
-            some = data[number * FRAMES : (number + 1) * FRAMES]
+        later_us = []
+        for number in range(1, 2 * ROUNDS, 2):
+            some, others = (slice(each * FRAMES, (each + 1) * FRAMES) for each in (number, number + 1))
             connection.execute("truncate bare")
-            rates["bare"].append(_copy(connection, COPY_BARE, some))
-            rates["triggers"].append(_copy(connection, COPY_STATES, some))
+            rates["bare"].append(_copy(connection, COPY_BARE, as_rows[some]))
+            rates["rows"].append(_copy(connection, COPY_STATES, as_rows[some]))
+            rates["frames"].append(_copy(connection, COPY_FRAMES, as_frames[others]))
+            later_us.append(_unfold_us(connection))
+            rates["both"].append(1e6 / (1e6 / rates["frames"][-1] + later_us[-1]))
         changes = _changes(connection) - before
         connection.execute("drop table bare")
-    ratios = [t / b for t, b in zip(rates["triggers"], rates["bare"], strict=True)]
+    ratios = {kind: [r / b for r, b in zip(of, rates["bare"], strict=True)] for kind, of in rates.items()}
     return {
         "crowd": name,
         "rooms": len(FLOOR.rooms()),
         "tracks": TRACKS,
         "batch": TRACKS,
-        "changes_per_1000_states": round(1000 * changes / (ROUNDS * FRAMES * TRACKS), 1),
+        "changes_per_1000_states": round(1000 * changes / (2 * ROUNDS * FRAMES * TRACKS), 1),
         "bare_copy_per_s": figure(rates["bare"]),
-        "triggers_per_s": figure(rates["triggers"]),
-        "ratio": figure(ratios, 3),
+        "frames_per_s": figure(rates["frames"]),
+        "ratio": figure(ratios["frames"], 3),
+        "rows_per_s": figure(rates["rows"]),
+        "ratio_of_rows": figure(ratios["rows"], 3),
+        "us_later_per_state": figure(later_us, 2),
+        "ratio_with_later": figure(ratios["both"], 3),
     }
+
+
+def _unfold_us(connection: psycopg.Connection) -> float:
+    """What it takes for each state to become a row of track_state."""
+    (before,) = connection.execute("select count(*) from semap.track_state").fetchone() or (0,)
+    started_s = time.perf_counter()
+    while connection.execute("select semap.unfold_frames()").fetchone() != (0,):
+        pass
+    seconds = time.perf_counter() - started_s
+    (after,) = connection.execute("select count(*) from semap.track_state").fetchone() or (0,)
+    return 1e6 * seconds / (after - before)
 
 
 def _copy(connection: psycopg.Connection, statement: str, data: list[bytes]) -> float:

@@ -112,7 +112,8 @@ begin
   if p_query_ids is null then
     return;
   end if;
-  perform semap.settle_maps(array(select distinct map_id from semap.pair_side where query_id = any (p_query_ids)));
+  perform semap.unfold_sources(array_agg(source_id order by source_id))
+  from semap.source where map_id in (select map_id from semap.pair_side where query_id = any (p_query_ids));
   v_nearest := semap.let_members_go(p_query_ids, p_keys);
   v_changed := semap.place_instance_members(p_query_ids, p_keys) || semap.place_track_members(p_query_ids, p_keys);
   if p_is_other then

@@ -41,7 +41,7 @@ begin
              where t.track_id = any (v_ended) and t.live and t.stamp < c.frame_stamp) then
     perform semap.settle_places(v_source_ids);
   end if;
-  update semap.source_count set frame_tracks = null where source_id = any (v_source_ids) and frame_tracks is not null;
+  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id = any (v_source_ids) and frame_tracks is not null;
 
   select array_agg(row(r.track_id, r.region_id, 'ended', 'disappeared',
                        greatest(n.ended_at, t.stamp), greatest(n.ended_at, t.stamp), null, null)::semap.crossing) into v_crossings
@@ -110,14 +110,17 @@ begin
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
   delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
   delete from semap.pair_member where key in (select track_id from old_track);
-  select min(n.first_stamp), greatest(max(n.stamp), max(n.outlier_stamp), max(c.frame_stamp)) into v_first, v_last
+  select min(n.first_stamp), greatest(max(n.stamp), max(n.outlier_stamp), max(c.frame_stamp), (
+           select max(stamp) from semap.track_state_frame where source_id in (select source_id from old_track)))
+  into v_first, v_last
   from semap.track_now n left join semap.source_count c using (source_id)
   where n.track_id in (select track_id from old_track);
+  perform semap.unfold_sources(array(select distinct source_id from old_track order by 1));
   delete from semap.track_state
   where track_id in (select track_id from old_track) and stamp >= v_first and stamp <= v_last;
   delete from semap.track_state_packed where track_id in (select track_id from old_track);
   delete from semap.track_now where track_id in (select track_id from old_track);
-  update semap.source_count set frame_tracks = null where source_id in (select source_id from old_track);
+  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id in (select source_id from old_track);
   return null;
 end $$;
 comment on function semap.track_deleted is

@@ -14,6 +14,13 @@ begin
     set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
         std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
         heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
+    from semap.framed_state s
+    where t.live and t.stamp < v_count.frame_stamp
+      and s.source_id = v_count.source_id and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
+    update semap.track_now t
+    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
+        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
+        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
     from semap.track_state s
     where t.source_id = v_count.source_id and t.live and t.stamp < v_count.frame_stamp
       and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
@@ -60,3 +67,28 @@ begin
 end $$;
 comment on function semap.note_late is
   'Count states that came late, and note which tracks began earlier than was known.';
+
+-- Where tracks are, each at the newest place that is known of it: for those who read, where the triggers read track_now.
+-- Restricted roles see their own maps.
+create or replace view semap.track_place with (security_barrier) as
+  select t.track_id, t.source_id, t.map_id, t.live, t.first_stamp, coalesce(s.stamp, t.stamp) as stamp,
+         case when s.stamp is null then t.x_m else s.x_m end as x_m,
+         case when s.stamp is null then t.y_m else s.y_m end as y_m,
+         case when s.stamp is null then t.z_m else s.z_m end as z_m,
+         case when s.stamp is null then t.std_m else s.std_m end as std_m,
+         case when s.stamp is null then t.std_across_m else s.std_across_m end as std_across_m,
+         case when s.stamp is null then t.std_yaw_rad else s.std_yaw_rad end as std_yaw_rad,
+         case when s.stamp is null then t.heading_rad else s.heading_rad end as heading_rad,
+         case when s.stamp is null then t.speed_mps else s.speed_mps end as speed_mps,
+         case when s.stamp is null then t.length_m else s.length_m end as length_m,
+         case when s.stamp is null then t.width_m else s.width_m end as width_m,
+         t.region_ids, t.careful_ids
+  from semap.track_now t
+  left join (
+    select s.* from semap.source_count c
+    join semap.framed_state s on s.source_id = c.source_id and s.stamp = c.frame_stamp
+    where c.placed_stamp < c.frame_stamp
+  ) s on s.track_id = t.track_id and s.source_id = t.source_id and s.stamp > t.stamp and t.live
+  where coalesce(t.map_id = any (semap.visible_maps()), true);
+comment on view semap.track_place is
+  'Where tracks are, each at the newest place that is known of it.';

@@ -88,6 +88,7 @@ begin
       perform semap.refuse_strange(v_source_id, v_arrivals);
     end if;
     if v_late > 0 then
+      perform semap.unfold_sources(array[v_source_id]);
       perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
       if v_in_pairs then
         perform semap.amend_pairs(v_map_id, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
@@ -101,7 +102,7 @@ begin
       v_is_whole := false;
     end if;
     if v_appeared > 0 and v_first <= v_count.frame_stamp then
-      update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null
+      update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
       where source_id = v_source_id returning * into v_count;
     end if;
     if v_tracks < v_states or v_is_stale or v_late > 0 then
@@ -141,7 +142,7 @@ begin
      and v_last < v_count.placed_stamp + interval '1 second' and semap.may_place_late(v_source_id, v_map_id, v_cell_m) then
     update semap.source_count
     set track_states = track_states + v_states, received_at = clock_timestamp(),
-        frame_stamp = v_last, frame_tracks = v_states - v_ended
+        frame_stamp = v_last, frame_tracks = v_states - v_ended, frame_track_ids = null
     where source_id = v_source_id;
     return null;
   end if;
@@ -164,7 +165,7 @@ begin
   set track_states = c.track_states + v_states, received_at = clock_timestamp(),
       frame_stamp = case when v_is_frame then v_last else c.frame_stamp end,
       placed_stamp = case when v_is_frame then v_last else c.placed_stamp end,
-      frame_tracks = case when v_is_frame then v_states - v_ended end;
+      frame_tracks = case when v_is_frame then v_states - v_ended end, frame_track_ids = null;
   return null;
 end $$;
 comment on function semap.track_state_inserted is

@@ -14,7 +14,7 @@ begin
   end if;
   if new.source_id <> old.source_id then
     perform semap.settle_places(array[old.source_id, new.source_id]);
-    update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null
+    update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
     where source_id in (old.source_id, new.source_id);
     update semap.track_now set source_id = new.source_id where track_id = new.track_id;
   end if;

@@ -31,7 +31,7 @@ create or replace view semap.track_present with (security_invoker = true) as
          t.heading_rad, t.speed_mps, t.length_m, t.width_m,
          semap.track_footprint(t.x_m, t.y_m, t.heading_rad, t.length_m, t.width_m) as footprint,
          t.std_across_m, t.std_yaw_rad
-  from semap.track_now t
+  from semap.track_place t
   join semap.track k using (track_id)
   join semap.source n on n.source_id = t.source_id
   where t.live;

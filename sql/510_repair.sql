@@ -25,7 +25,7 @@ begin
       heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
   from semap.track k left join semap.newest_states(v_ids, '-infinity') s using (track_id)
   where k.track_id = any (v_ids) and t.track_id = k.track_id;
-  update semap.source_count set frame_tracks = null
+  update semap.source_count set frame_tracks = null, frame_track_ids = null
   where source_id in (select source_id from semap.track where track_id = any (v_ids));
 end $$;
 comment on function semap.repair_presents is

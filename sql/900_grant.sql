@@ -32,7 +32,7 @@ begin
 end $$;
 
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation, semap.object_state,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.track_state_frame, semap.line_observation, semap.object_state,
   semap.track_amendment
 to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
@@ -40,7 +40,7 @@ grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
 grant execute on function semap.ensure_partitions, semap.hand_over_tracks to semap_ingest;
 
-grant execute on function semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
+grant execute on function semap.unfold_frames, semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
 grant execute on function
   semap.ensure_partitions, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
 to semap_worker;

@@ -55,7 +55,7 @@ begin
     ' semap.rule_query, semap.rule_version, semap.late_row, semap.event, semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'
-    ' semap.track_present, semap.track_amended, semap.retention'
+    ' semap.track_place, semap.track_present, semap.track_amended, semap.retention'
     ' to ' || c_own;
   execute 'grant select (worker, lsn, event_seq, updated_at) on semap.progress to ' || c_own;
 end $$;
@@ -74,7 +74,7 @@ grant insert, update, delete on
   semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_admin;
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation, semap.object_state,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.track_state_frame, semap.line_observation, semap.object_state,
   semap.track_amendment
 to semap_admin;
 grant update (watermark, lateness, ended) on semap.source to semap_admin;

@@ -159,6 +159,23 @@ class World:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
 
+    def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
+        """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""
+        (stamp_us,) = {stamp_us for _, stamp_us, *_ in states}
+        track_ids, xs_m, ys_m, zs_m = zip(
+            *((each[0], *each[2:5]) for each in sorted(states, key=lambda state: state[0])), strict=True
+        )
+        self.run(
+            "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, z_m)"
+            " values (%s, %s, %s, %s, %s, %s)",
+            to_datetime(stamp_us),
+            source_id or self.source_id,
+            list(track_ids),
+            [float(x_m) for x_m in xs_m],
+            [float(y_m) for y_m in ys_m],
+            None if set(zs_m) == {None} else [None if z_m is None else float(z_m) for z_m in zs_m],
+        )
+
     def changes(self) -> list[tuple[str, str, str, str, int]]:
         """Track, room, kind, cause and stamp [us] of every change, as they were written."""
         return [

@@ -25,18 +25,22 @@ from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
-from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, FRAME_COLUMNS, pack_frame, pack_states
 from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
 COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
 COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
+COPY_FRAMES = f"copy semap.track_state_frame ({', '.join(FRAME_COLUMNS)}) from stdin (format binary)"
 FIND_TRACKS = """
     select k.name, k.track_id, case when k.source_id <> %s then n.name end
     from semap.track k join semap.source n using (source_id)
     where k.source_id = %s and k.name = any (%s) or k.uid = any (%s)
 """
 """Tracks of a source by name, and those that it handed over to another one, with that one's name."""
+LARGE_FRAME = 200
+"""So many tracks at one stamp are cheaper together than among others."""
+
 FIRST_RETRY_S = 0.05
 LAST_RETRY_S = 2.0
 
@@ -232,23 +236,44 @@ def _write(
         is_last[len(tracks) - 1 - np.unique(tracks.track[::-1], return_index=True)[1]] = True
     done = registered.done
     while done < len(tracks) and not stop.is_set():
-        rows = slice(done, min(done + plan.batch_size, clock.due(tracks.stamp_us, done, stop)))
-        has_ellipse = not np.isnan(tracks.std_across_m[rows]).all()
-        data = pack_states(
-            registered.track_ids[tracks.track[rows]],
-            tracks.stamp_us[rows],
-            tracks.x_m[rows],
-            tracks.y_m[rows],
-            tracks.z_m[rows],
-            tracks.std_m[rows],
-            is_last[rows],
-            ellipse=(tracks.std_across_m[rows], tracks.std_yaw_rad[rows]) if has_ellipse else None,
-        )
-        packed = (COPY_ELLIPSES if has_ellipse else COPY_STATES, data)
+        rows = _next_batch(tracks, done, plan.batch_size, clock.due(tracks.stamp_us, done, stop))
+        packed = _packed(tracks, registered, rows, is_last[rows])
         is_over = rows.stop == len(tracks) and not plan.keep_open
         _commit(connection, plan, registered, packed, rows.stop, _watermark_us(tracks, rows.stop), is_over)
         done = rows.stop
         yield done
+
+
+def _next_batch(tracks: Tracks, done: int, batch_size: int, due: int) -> slice:
+    """What comes after `done`, of what is due; a large frame is a batch by itself, and is not cut."""
+    same_stamp = int(np.searchsorted(tracks.stamp_us, tracks.stamp_us[done], side="right"))
+    if same_stamp - done >= LARGE_FRAME and same_stamp <= due:
+        return slice(done, same_stamp)
+    return slice(done, min(done + batch_size, due))
+
+
+def _packed(
+    tracks: Tracks, registered: _Registered, rows: slice, is_last: NDArray[np.bool_]
+) -> tuple[str, bytes]:
+    """The statement that copies these states, and what it copies."""
+    stamp_us = tracks.stamp_us[rows]
+    track_ids = registered.track_ids[tracks.track[rows]]
+    is_frame = len(stamp_us) > 1 and stamp_us[0] == stamp_us[-1] and not is_last.any()
+    # frames of the same tracks follow one another in the same order
+    order = np.argsort(track_ids) if is_frame else np.arange(len(track_ids))
+    x_m, y_m, z_m, std_m, across_m, yaw_rad = (
+        each[rows][order]
+        for each in (
+            tracks.x_m, tracks.y_m, tracks.z_m, tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad
+        )
+    )  # fmt: skip
+    ellipse = None if np.isnan(across_m).all() else (across_m, yaw_rad)
+    if is_frame:
+        source_id, one_us = registered.source_id, int(stamp_us[0])
+        frame = pack_frame(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
+        return COPY_FRAMES, frame
+    data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, ellipse=ellipse)
+    return COPY_ELLIPSES if ellipse else COPY_STATES, data
 
 
 def _watermark_us(tracks: Tracks, done: int) -> int:

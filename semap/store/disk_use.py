@@ -18,6 +18,7 @@ from semap.timeline.stamp import EPOCH
 
 GROUPS: Mapping[str, Sequence[str]] = {
     "states of tracks": ("track_state",),
+    "states of the last seconds, in frames": ("track_state_frame",),
     "states, packed": ("track_state_packed",),
     "lines": ("line_observation",),
     "tracks and sources": (

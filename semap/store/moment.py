@@ -90,7 +90,7 @@ DOOR_STATES = text("""
 """)
 LAST = text("""
     select greatest(
-      (select max(nullif(n.stamp, '-infinity')) from semap.track_now n where n.map_id = :map_id),
+      (select max(nullif(n.stamp, '-infinity')) from semap.track_place n where n.map_id = :map_id),
       (select stamp from semap.relation_change where map_id = :map_id order by stamp desc limit 1),
       (select max(stamp) from semap.object_state where map_id = :map_id),
       (select stamp from semap.event where map_id = :map_id order by stamp desc limit 1))

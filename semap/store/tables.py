@@ -36,6 +36,7 @@ from sqlalchemy.dialects.postgresql import ENUM, INTERVAL, JSONB, TIMESTAMP
 from sqlalchemy.types import UserDefinedType
 
 METADATA = MetaData(schema="semap")
+VIEWS = MetaData(schema="semap")
 
 STAMP = TIMESTAMP(timezone=True)
 SIDES = ("track", "subject_instance", "instance", "object_track")
@@ -288,6 +289,7 @@ source_count = Table(
     Column("received_at", STAMP, nullable=False),
     *(Column(name, STAMP, nullable=False) for name in ("frame_stamp", "placed_stamp")),
     Column("frame_tracks", Integer),
+    Column("frame_track_ids", ARRAY(BigInteger)),
 )
 
 recording = Table(
@@ -329,6 +331,19 @@ track_state = Table(
     Column("is_last", Boolean, nullable=False),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
     *_reals("std_across_m", "std_yaw_rad", nullable=True),
+)
+
+track_state_frame = Table(
+    "track_state_frame",
+    METADATA,
+    Column("stamp", STAMP, primary_key=True),
+    Column("source_id", Integer, primary_key=True, autoincrement=False),
+    Column("track_ids", ARRAY(BigInteger), nullable=False),
+    *(Column(name, ARRAY(Double), nullable=False) for name in ("x_m", "y_m")),
+    Column("z_m", ARRAY(Double)),
+    Column("std_m", ARRAY(REAL)),
+    *(Column(name, ARRAY(REAL)) for name in ("heading_rad", "speed_mps", "length_m", "width_m")),
+    *(Column(name, ARRAY(REAL)) for name in ("std_across_m", "std_yaw_rad")),
 )
 
 track_state_packed = Table(
@@ -377,6 +392,16 @@ track_now = Table(
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
     *_reals("std_across_m", "std_yaw_rad", nullable=True),
+)
+
+track_place = Table(
+    "track_place",
+    VIEWS,
+    *(
+        Column(each.name, each.type)
+        for each in track_now.c
+        if each.name != "cell_m" and not each.name.startswith(("calm_", "outlier_"))
+    ),
 )
 
 track_amendment = Table(

@@ -14,9 +14,9 @@ from sqlalchemy import Connection, func, literal_column, select, update
 from semap.errors import NotFound
 from semap.store.concept import check_attributes, concept_id
 from semap.store.database import translated
-from semap.store.tables import concept, map_, source, track, track_now
+from semap.store.tables import concept, map_, source, track, track_place
 
-NEVER = literal_column("'-infinity'::timestamptz", track_now.c.stamp.type)
+NEVER = literal_column("'-infinity'::timestamptz", track_place.c.stamp.type)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def list_tracks(
     if name is not None:
         found = found.where(track.c.name == name)
     if live is not None:
-        found = found.where(track_now.c.live == live)
+        found = found.where(track_place.c.live == live)
     with translated():
         return tuple(_track(row) for row in connection.execute(found))
 
@@ -136,7 +136,11 @@ def _track(row: Sequence[Any]) -> Track:
 
 
 _FOOTPRINT = func.semap.track_footprint(
-    track_now.c.x_m, track_now.c.y_m, track_now.c.heading_rad, track_now.c.length_m, track_now.c.width_m
+    track_place.c.x_m,
+    track_place.c.y_m,
+    track_place.c.heading_rad,
+    track_place.c.length_m,
+    track_place.c.width_m,
 )
 _TRACKS = (
     select(
@@ -145,25 +149,25 @@ _TRACKS = (
         map_.c.name,
         source.c.name,
         track.c.name,
-        track_now.c.live,
+        track_place.c.live,
         track.c.ended_at,
         concept.c.name,
         track.c.attributes,
-        func.nullif(track_now.c.stamp, NEVER),
-        track_now.c.x_m,
-        track_now.c.y_m,
-        track_now.c.z_m,
-        track_now.c.std_m,
-        track_now.c.heading_rad,
-        track_now.c.speed_mps,
-        track_now.c.length_m,
-        track_now.c.width_m,
-        track_now.c.std_across_m,
-        track_now.c.std_yaw_rad,
+        func.nullif(track_place.c.stamp, NEVER),
+        track_place.c.x_m,
+        track_place.c.y_m,
+        track_place.c.z_m,
+        track_place.c.std_m,
+        track_place.c.heading_rad,
+        track_place.c.speed_mps,
+        track_place.c.length_m,
+        track_place.c.width_m,
+        track_place.c.std_across_m,
+        track_place.c.std_yaw_rad,
         func.st_asbinary(_FOOTPRINT),
     )
     .select_from(track)
-    .join(track_now, track_now.c.track_id == track.c.track_id)
+    .join(track_place, track_place.c.track_id == track.c.track_id)
     .join(map_, map_.c.map_id == track.c.map_id)
     .join(source, source.c.source_id == track.c.source_id)
     .outerjoin(concept, concept.c.concept_id == track.c.concept_id)

@@ -17,6 +17,7 @@ PAGES = (
     "docs/tutorial.md",
     "docs/client.md",
     "docs/how-to/own-building.md",
+    "docs/how-to/own-tracker.md",
     "docs/how-to/tokens.md",
     "docs/how-to/write-a-map.md",
 )

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from test_oracle import BANDS, SHAPES
 from world import SECOND_US, World
 
+from semap.timeline.stamp import to_datetime
+
 margin = st.sampled_from([0.0, 0.0, 0.15, 0.4])
 confirm = st.sampled_from([0.0, 0.0, 0.25, 1.0, 3.0])
 ways = st.sampled_from(
@@ -62,21 +64,42 @@ def walk(dice: random.Random, steps: int) -> list[Sample]:
     return seen
 
 
-def check(database: str, question: Asked, rooms: list, seed: int, steps: int) -> None:
+def add_as_frames(world: World, source_id: int, track_id: int, samples: list[Sample]) -> None:
+    """Each state of the one track of a source as a frame, but for one that is the last, in the order of stamps."""
+    for each in samples:
+        if each.is_last:
+            world.add_samples(track_id, [each])
+            continue
+        values = (each.x_m, each.y_m, each.z_m, each.std_m, each.std_across_m, each.std_yaw_rad)
+        world.run(
+            "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, z_m, std_m, std_across_m,"
+            " std_yaw_rad) values (%s, %s, %s, %s::float8[], %s::float8[], %s::float8[], %s::real[], %s::real[],"
+            " %s::real[])",
+            to_datetime(each.stamp_us), source_id, [track_id], *(None if v is None else [v] for v in values),
+        )  # fmt: skip
+
+
+def check(
+    database: str, question: Asked, rooms: list, seed: int, steps: int, *, in_frames: bool = False
+) -> None:
     dice = random.Random(seed)
     world = World(database, f"map {uuid4()}")
     try:
         world.ask(question)
         for number, (shape, band) in enumerate(rooms):
             world.add_room(f"r{number}", shape, band)
-        world.run("update semap.source set jump_m = null where source_id = %s", world.source_id)
+        sources = {name: world.add_source(name) for name in ("a", "b")}
+        world.run("update semap.source set jump_m = null where map_id = %s", world.map_id)
         tracks = {name: walk(dice, steps) for name in ("a", "b")}
         for name, seen in tracks.items():
-            track_id, start = world.add_track(name), 0
+            track_id, start = world.add_track(name, sources[name]), 0
             while start < len(seen):
                 end = start + dice.choice([1, 1, 1, 2, 5, 100])
                 batch = seen[start:end]
-                world.add_samples(track_id, dice.sample(batch, len(batch)))
+                if in_frames:
+                    add_as_frames(world, sources[name], track_id, batch)
+                else:
+                    world.add_samples(track_id, dice.sample(batch, len(batch)))
                 start = end
         for number, (shape, band) in enumerate(rooms):
             for name, seen in tracks.items():
@@ -106,6 +129,9 @@ def check(database: str, question: Asked, rooms: list, seed: int, steps: int) ->
     question=asked,
     rooms=st.lists(st.tuples(st.sampled_from(SHAPES), st.sampled_from(BANDS)), min_size=1, max_size=3),
     seed=st.integers(0, 2**32),
+    in_frames=st.booleans(),
 )
-def test_careful_relations_equal_the_oracle(database: str, question: Asked, rooms: list, seed: int) -> None:
-    check(database, question, rooms, seed, 40)
+def test_careful_relations_equal_the_oracle(
+    database: str, question: Asked, rooms: list, seed: int, in_frames: bool
+) -> None:
+    check(database, question, rooms, seed, 40, in_frames=in_frames)

@@ -9,7 +9,9 @@ import shapely
 from oracle import Oracle
 from world import World
 
-TRACKS = 210  # more than the trigger takes for few
+from semap.timeline.stamp import to_datetime
+
+MANY = 210  # more than the trigger takes for few
 FRAME_US = 100_000
 ROOMS = {
     f"r{column}{row}": shapely.box(4 * column, 4 * row, 4 * column + 4, 4 * row + 4)
@@ -19,17 +21,21 @@ ROOMS = {
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_relations_are_those_of_each_state_whatever_happens_between_frames(world: World, seed: int) -> None:
+@pytest.mark.parametrize(("tracks", "in_frames"), [(MANY, False), (MANY, True), (12, True)])
+def test_relations_are_those_of_each_state_whatever_happens_between_frames(
+    world: World, tracks: int, in_frames: bool, seed: int
+) -> None:
     dice = random.Random(seed)
     oracle = Oracle()
     for name, room in ROOMS.items():
         world.add_room(name, room)
         oracle.edit(name, (room, None))
-    ids = {f"t{n}": world.add_track(f"t{n}") for n in range(TRACKS)}
+    ids = {f"t{n}": world.add_track(f"t{n}") for n in range(tracks)}
     places = {name: (dice.uniform(0, 12), dice.uniform(0, 12)) for name in ids}
     alive = set(ids)
     sent = {name: [] for name in ids}
-    lazily = 0
+    lazily = kept = 0
+    stored = set()
     for frame in range(1, 60):
         now_us = frame * FRAME_US
         for name in alive:
@@ -40,13 +46,15 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(world
             )
         batch = [(name, now_us, *places[name], None, False) for name in sorted(alive)]
         what = dice.choice(["whole"] * 8 + ["part", "late", "edit", "end", "last", "again", "split"])
+        if len(alive) < 4 and what in ("last", "end"):
+            what = "whole"
         if what == "part":
-            batch = dice.sample(batch, 150)
+            batch = dice.sample(batch, max(1, len(batch) * 2 // 3))
         elif what == "last":
             gone = dice.choice(sorted(alive))
             batch = [(*each[:5], True) if each[0] == gone else each for each in batch]
             alive.discard(gone)
-        elif what == "again" and len(alive) < TRACKS:
+        elif what == "again" and len(alive) < tracks:
             back = dice.choice(sorted(ids.keys() - alive))
             alive.add(back)
             batch.append((back, now_us, *places[back], None, False))
@@ -65,7 +73,9 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(world
             late = dice.choice(sorted(alive))
             if len(sent[late]) == 2:  # one that stands where it stood corrects nothing
                 (before_us, *before), (last_us, *_) = sent[late]
-                world.add_states([(ids[late], (before_us + last_us) // 2, *before, None, False)])
+                late_us = (before_us + last_us) // 2
+                world.add_states([(ids[late], late_us, *before, None, False)])
+                stored.add((ids[late], to_datetime(late_us), *before))
         for each in batch:
             sent[each[0]] = [] if each[5] else [*sent[each[0]], each[1:4]][-2:]
         cut = dice.randint(1, len(batch) - 1) if what == "split" else len(batch)
@@ -73,7 +83,19 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(world
             if part:
                 oracle.batch(part)
                 dice.shuffle(part)
-                world.add_states([(ids[name], *rest) for name, *rest in part])
+                states = [(ids[name], *rest) for name, *rest in part]
+                stored |= {
+                    (track_id, to_datetime(stamp_us), x_m, y_m) for track_id, stamp_us, x_m, y_m, *_ in states
+                }
+                if in_frames and not any(is_last for *_, is_last in states):
+                    world.add_frame(states)
+                else:
+                    world.add_states(states)
+        if world.one("select count(*) from semap.track_state_frame where stamp = %s", to_datetime(now_us)):
+            kept += 1
+            assert places_of(world) == {name: oracle.present[name][1:3] for name in alive}
+        if in_frames and dice.random() < 0.2:
+            world.run("select semap.unfold_frames(null, %s)", dice.choice([1, 1000, 100000]))
         lazily += world.one(
             "select count(*) from semap.source_count where source_id = %s and frame_stamp > placed_stamp",
             world.source_id,
@@ -82,11 +104,23 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(world
     assert sorted(world.changes()) == sorted(oracle.changes)
     assert world.relations() == oracle.relations()
     world.run("select semap.settle_places(array[%s])", world.source_id)
-    written = world.rows(
-        "select t.name, n.x_m, n.y_m from semap.track_now n join semap.track t using (track_id)"
-        " where n.map_id = %s and n.live",
-        world.map_id,
-    )
-    assert {name: (x, y) for name, x, y in written} == {
-        name: oracle.present[name][1:3] for name in oracle.present.keys() - oracle.ended
+    assert places_of(world, "track_now") == places_of(world)
+    assert (kept > 20) == in_frames
+    while world.one("select semap.unfold_frames(null, 500)"):
+        pass
+    assert world.one("select count(*) from semap.track_state_frame") == 0
+    states = world.rows("select track_id, stamp, x_m, y_m from semap.track_state")
+    assert len(states) == len(stored)
+    assert set(states) == stored
+
+
+def places_of(world: World, table: str = "track_place") -> dict[str, tuple[float, float]]:
+    """Where each track that lives is."""
+    return {
+        name: (x_m, y_m)
+        for name, x_m, y_m in world.rows(
+            f"select t.name, n.x_m, n.y_m from semap.{table} n join semap.track t using (track_id)"
+            " where n.map_id = %s and n.live",
+            world.map_id,
+        )
     }

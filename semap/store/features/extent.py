@@ -28,13 +28,13 @@ CONCEPTS_ABOVE = text("""
 TRACKS = text("""
     select public.st_asbinary(public.st_convexhull(public.st_collect(public.st_makepoint(n.x_m, n.y_m)))),
            min(nullif(n.stamp, '-infinity')), max(nullif(n.stamp, '-infinity'))
-    from semap.track t join semap.track_now n using (track_id)
+    from semap.track t join semap.track_place n using (track_id)
     where t.map_id = :map_id
 """)
 RELATIONS = text("""
     select public.st_asbinary(public.st_convexhull(public.st_collect(public.st_makepoint(n.x_m, n.y_m)))),
            min(r.since), null
-    from semap.relation r join semap.track_now n using (track_id)
+    from semap.relation r join semap.track_place n using (track_id)
     where r.map_id = :map_id
 """)
 EVENTS = text("""

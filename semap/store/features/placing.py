@@ -36,7 +36,7 @@ CENTRE = text("""
        join semap.abstraction a on a.instance_id = i.instance_id and a.type = 'Footprint'
        where i.map_id = :map_id limit 1),
       (select public.st_makepoint(n.x_m, n.y_m)
-       from semap.track t join semap.track_now n using (track_id)
+       from semap.track t join semap.track_place n using (track_id)
        where t.map_id = :map_id and n.x_m is not null limit 1),
       public.st_makepoint(0, 0)) as centre
 """)

@@ -40,7 +40,7 @@ from semap.store.tables import (
     relation,
     source,
     track,
-    track_now,
+    track_place,
 )
 
 Sql = ColumnElement[Any]
@@ -148,7 +148,7 @@ _INSTANCES = Source(
 )
 
 _NEVER = literal_column("'-infinity'::timestamptz", STAMP)
-_SEEN_AT = func.nullif(track_now.c.stamp, _NEVER, type_=STAMP)
+_SEEN_AT = func.nullif(track_place.c.stamp, _NEVER, type_=STAMP)
 _TRACK_KINDS: dict[str, Kind] = {
     "id": "number",
     "uid": "text",
@@ -167,7 +167,7 @@ _TRACK_KINDS: dict[str, Kind] = {
     GEOMETRY: "shape",
 }
 _TRACKS = Source(
-    rows=track.join(track_now, track_now.c.track_id == track.c.track_id).join(
+    rows=track.join(track_place, track_place.c.track_id == track.c.track_id).join(
         source, source.c.source_id == track.c.source_id
     ),
     where=false(),
@@ -179,23 +179,23 @@ _TRACKS = Source(
             "uid": cast(track.c.uid, String),
             "name": track.c.name,
             "source": source.c.name,
-            "live": track_now.c.live,
+            "live": track_place.c.live,
             "ended_at": track.c.ended_at,
             "stamp": _SEEN_AT,
-            "std_m": cast(track_now.c.std_m, Double),
-            "heading_rad": cast(track_now.c.heading_rad, Double),
-            "speed_mps": cast(track_now.c.speed_mps, Double),
-            "length_m": cast(track_now.c.length_m, Double),
-            "width_m": cast(track_now.c.width_m, Double),
-            "std_across_m": cast(track_now.c.std_across_m, Double),
-            "std_yaw_rad": cast(track_now.c.std_yaw_rad, Double),
-            GEOMETRY: func.public.st_makepoint(track_now.c.x_m, track_now.c.y_m),
+            "std_m": cast(track_place.c.std_m, Double),
+            "heading_rad": cast(track_place.c.heading_rad, Double),
+            "speed_mps": cast(track_place.c.speed_mps, Double),
+            "length_m": cast(track_place.c.length_m, Double),
+            "width_m": cast(track_place.c.width_m, Double),
+            "std_across_m": cast(track_place.c.std_across_m, Double),
+            "std_yaw_rad": cast(track_place.c.std_yaw_rad, Double),
+            GEOMETRY: func.public.st_makepoint(track_place.c.x_m, track_place.c.y_m),
         },
         is_a=lambda _: false(),
     ),
-    shape=_point(track_now.c.x_m, track_now.c.y_m, track_now.c.z_m),
-    low=track_now.c.z_m,
-    high=track_now.c.z_m,
+    shape=_point(track_place.c.x_m, track_place.c.y_m, track_place.c.z_m),
+    low=track_place.c.z_m,
+    high=track_place.c.z_m,
     complete=frozenset({"id", "uid", "name", "source", "live"}),
     start=_SEEN_AT,
     end=_SEEN_AT,
@@ -204,7 +204,7 @@ _TRACKS = Source(
 _RELATIONS = Source(
     rows=relation.join(region, region.c.region_id == relation.c.region_id)
     .join(track, track.c.track_id == relation.c.track_id)
-    .join(track_now, track_now.c.track_id == relation.c.track_id),
+    .join(track_place, track_place.c.track_id == relation.c.track_id),
     where=false(),
     keys={"track_id": relation.c.track_id, "region_id": relation.c.region_id},
     thing=Thing(
@@ -224,13 +224,13 @@ _RELATIONS = Source(
             "instance_id": cast(relation.c.instance_id, Double),
             "instance": region.c.instance_name,
             "since": relation.c.since,
-            GEOMETRY: func.public.st_makepoint(track_now.c.x_m, track_now.c.y_m),
+            GEOMETRY: func.public.st_makepoint(track_place.c.x_m, track_place.c.y_m),
         },
         is_a=lambda name: _of_instance(name, relation.c.instance_id),
     ),
-    shape=_point(track_now.c.x_m, track_now.c.y_m, track_now.c.z_m),
-    low=track_now.c.z_m,
-    high=track_now.c.z_m,
+    shape=_point(track_place.c.x_m, track_place.c.y_m, track_place.c.z_m),
+    low=track_place.c.z_m,
+    high=track_place.c.z_m,
     complete=frozenset({"query", "track_id", "track", "instance_id", "instance", "since"}),
     start=relation.c.since,
     end=null(),

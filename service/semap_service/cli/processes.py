@@ -124,17 +124,25 @@ def work(
     """Run the rule worker: it reads changes of relations off the log and writes events.
 
     One worker reads at a time; a second one waits and takes over. Once an hour it does what
-    `semap db maintain` does. It makes the continuous queries that are asked for in SQL.
+    `semap db maintain` does. It makes the continuous queries that are asked for in SQL, and rows of the
+    states that come as frames.
     """
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
+    from semap.worker.unfolding import unfolding  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.supervisor import stop_signal  # noqa: PLC0415
 
     write_log(log_format, log_level)
     stop = stop_signal()
-    with traced("semap work"), database(dsn) as opened, housekeeping(opened), answering(opened):
+    with (
+        traced("semap work"),
+        database(dsn) as opened,
+        housekeeping(opened),
+        answering(opened),
+        unfolding(opened),
+    ):
         follow(opened, stop)
 
 

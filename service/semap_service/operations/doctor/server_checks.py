@@ -83,7 +83,7 @@ def _clocks(connection: psycopg.Connection) -> Iterator[Trouble]:
         )
     ahead = connection.execute(
         "select distinct m.name || '/' || s.name from semap.source s join semap.map m using (map_id)"
-        " left join semap.track_now t using (source_id)"
+        " left join semap.track_place t using (source_id)"
         " where greatest(s.watermark, t.stamp) > clock_timestamp() + interval '1 min' order by 1 limit 100"
     ).fetchall()
     if ahead:
