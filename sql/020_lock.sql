@@ -87,7 +87,7 @@ begin
   end loop;
 end $$;
 
-create or replace trigger lock_regions_to_rename before update of name on semap.source
+create or replace trigger lock_regions_to_rename before update of name, jump_m, jump_mps on semap.source
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions before delete on semap.source
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();

@@ -72,6 +72,7 @@ create or replace function semap.track_leaves() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   if exists (select from semap.map where map_id = old.map_id) then
+    perform semap.settle_places(array[old.source_id]);
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
                                        instance_id, instance_name, kind, cause, stamp, edge_at, since)
     select gen_random_uuid(), r.map_id, r.query_id, r.query_name, old.track_id, old.name,

@@ -68,6 +68,19 @@ end $$;
 comment on function semap.note_late is
   'Count states that came late, and note which tracks began earlier than was known.';
 
+-- A gate for outliers that is another one asks how far tracks went, so places are written by then.
+create or replace function semap.gate_changed() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  perform semap.settle_places(array[new.source_id]);
+  return null;
+end $$;
+comment on function semap.gate_changed is
+  'A gate for outliers that is another one asks how far tracks went, so places are written by then.';
+
+create or replace trigger gate_changed after update of jump_m, jump_mps on semap.source
+  for each row execute function semap.gate_changed();
+
 -- Where tracks are, each at the newest place that is known of it: for those who read, where the triggers read track_now.
 -- Restricted roles see their own maps.
 create or replace view semap.track_place with (security_barrier) as

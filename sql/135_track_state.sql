@@ -139,6 +139,7 @@ begin
   end if;
 
   if v_is_whole and not v_in_pairs and v_late = 0 and v_states > c_large and v_states = v_count.frame_tracks + v_appeared
+     and v_count.frame_track_ids is null
      and v_last < v_count.placed_stamp + interval '1 second' and semap.may_place_late(v_source_id, v_map_id, v_cell_m) then
     update semap.source_count
     set track_states = track_states + v_states, received_at = clock_timestamp(),

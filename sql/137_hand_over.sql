@@ -2,8 +2,8 @@
 -- known to be the same. From then on the other source alone writes its states. Its relations hold meanwhile, since
 -- nothing is known to have ended.
 
--- A track that goes on at another source. Both sources write their places at once, and know anew what a whole frame of
--- theirs is. Which queries are about it now is said after this (semap.track_described).
+-- A track that goes on at another source. Both sources write their places at once, make rows of their frames, and know anew what a
+-- whole frame of theirs is. Which queries are about it now is said after this (semap.track_described).
 create or replace function semap.track_handed_over() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -13,7 +13,7 @@ begin
       using errcode = 'integrity_constraint_violation', hint = 'Hand it to a source of the same map.';
   end if;
   if new.source_id <> old.source_id then
-    perform semap.settle_places(array[old.source_id, new.source_id]);
+    perform semap.unfold_sources(array[old.source_id, new.source_id]);
     update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
     where source_id in (old.source_id, new.source_id);
     update semap.track_now set source_id = new.source_id where track_id = new.track_id;

@@ -4,7 +4,7 @@
 -- live, and no place is asked for at once. Any other frame becomes rows here and now, and what holds for rows holds for it.
 --
 -- Frames become rows a second or two later (semap.unfold_frames, which the worker calls), so that few are looked through.
--- The newest one of a source stays as long as places are written late and it is where everybody is.
+-- The newest one of a source stays as long as it is where everybody is, and the source is not silent.
 
 -- The states of a frame, as rows.
 create or replace function semap.states_of_frame(p_frame semap.track_state_frame) returns setof semap.track_state
@@ -96,6 +96,39 @@ end $$;
 comment on function semap.unfold_sources is
   'Make rows of all frames of these sources.';
 
+-- Make rows of the frames of a source that are older than this: nobody else does, it seems. It is no reason to refuse what
+-- comes.
+create or replace function semap.unfold_old_frames(p_source_id integer, p_before timestamptz) returns void
+language plpgsql as $$
+begin
+  while exists (select from semap.track_state_frame where source_id = p_source_id and stamp < p_before) loop
+    exit when semap.unfold_frames(p_source_id, 100000) = 0;
+  end loop;
+exception when others then
+  raise warning 'Frames of the source % do not become rows: %', p_source_id, sqlerrm;
+end $$;
+comment on function semap.unfold_old_frames is
+  'Make rows of the frames of a source that are older than this.';
+
+-- Write the places of sources that have been silent for so long: their newest frame may become rows as well.
+create or replace function semap.settle_silent_sources(p_silent interval default '10 s') returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source_ids  integer[] := array(
+    select source_id from semap.source_count c
+    where frame_stamp > placed_stamp and received_at < clock_timestamp() - p_silent
+      and exists (select from semap.track_state_frame f where f.source_id = c.source_id)
+    order by source_id);
+begin
+  if v_source_ids <> '{}' then
+    perform semap.hold_regions();
+    perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+    perform semap.settle_places(v_source_ids);
+  end if;
+end $$;
+comment on function semap.settle_silent_sources is
+  'Write the places of sources that have been silent for so long: their newest frame may become rows as well.';
+
 -- Make rows of a frame, and know whether the next one may follow it: whether it holds each live track of its source once,
 -- says where that is, and no query of the map asks for more than where somebody is.
 create or replace function semap.take_frame_as_rows(p_frame semap.track_state_frame) returns void
@@ -152,7 +185,9 @@ declare
   v_crossings       semap.crossing[];
   v_as_rows         boolean;
 begin
-  if (cardinality(new.x_m), cardinality(new.y_m)) <> (v_states, v_states)
+  if new.track_ids is null or new.x_m is null or new.y_m is null then
+    return new; -- which is refused
+  elsif (cardinality(new.x_m), cardinality(new.y_m)) <> (v_states, v_states)
      or v_states <> any (array[cardinality(new.z_m), cardinality(new.std_m), cardinality(new.heading_rad),
                                cardinality(new.speed_mps), cardinality(new.length_m), cardinality(new.width_m),
                                cardinality(new.std_across_m), cardinality(new.std_yaw_rad)]) then
@@ -173,12 +208,19 @@ begin
   v_as_rows := not (
     v_before.may_place_late and new.track_ids = v_before.frame_track_ids
     and new.stamp > v_before.frame_stamp and new.stamp between '1800-01-01Z' and '9999-01-01Z'
+    and -1e7 <= all (new.x_m) and 1e7 >= all (new.x_m) and -1e7 <= all (new.y_m) and 1e7 >= all (new.y_m)
     and coalesce(-1e7 <= all (new.z_m) and 1e7 >= all (new.z_m), true)
     and coalesce(-7 <= all (new.heading_rad) and 7 >= all (new.heading_rad), true)
     and coalesce(0 <= all (new.speed_mps) and 1e4 >= all (new.speed_mps), true)
     and coalesce(0 < all (new.length_m) and 1e4 >= all (new.length_m), true)
     and coalesce(0 < all (new.width_m) and 1e4 >= all (new.width_m), true)
-    and (new.std_across_m is null and new.std_yaw_rad is null or semap.are_ellipses(new))) is true;
+    and (new.std_across_m is null and new.std_yaw_rad is null or semap.are_ellipses(new))
+    -- these are taken by their place
+    and coalesce(1 = all (array[
+      array_ndims(new.heading_rad), array_ndims(new.speed_mps), array_ndims(new.length_m), array_ndims(new.width_m),
+      array_ndims(new.std_across_m), array_ndims(new.std_yaw_rad),
+      array_lower(new.heading_rad, 1), array_lower(new.speed_mps, 1), array_lower(new.length_m, 1), array_lower(new.width_m, 1),
+      array_lower(new.std_across_m, 1), array_lower(new.std_yaw_rad, 1)]), true)) is true;
 
   if not v_as_rows then
     -- all of these tracks are known, live, and were seen before: what is left of the comparison in sql/135
@@ -199,9 +241,9 @@ begin
            and new.stamp < t.calm_until) is not true;
     if v_arrivals is not null then
       select * into v_source from semap.source where source_id = new.source_id;
-      -- what is no place, and what the gate has to look at
-      select bool_or(outlier_stamp is not null or (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2
-                     or (abs(x_m) <= 1e7 and abs(y_m) <= 1e7) is not true)
+      -- what the gate has to look at, and no place
+      select bool_or(outlier_stamp is not null or x_m is null or y_m is null
+                     or (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2)
       into v_as_rows from unnest(v_arrivals);
     end if;
   end if;
@@ -225,10 +267,7 @@ begin
     from semap.states_of_frame(new) n
     where t.track_id = n.track_id and t.stamp < new.stamp;
     v_before.placed_stamp := new.stamp;
-    -- nobody makes rows of frames, it seems: this one does, of as many as came since
-    if exists (select from semap.track_state_frame where source_id = new.source_id and stamp < new.stamp - interval '1 min') then
-      perform semap.unfold_frames(new.source_id, 100000);
-    end if;
+    perform semap.unfold_old_frames(new.source_id, new.stamp - interval '1 min');
   end if;
   update semap.source_count
   set track_states = track_states + v_states, received_at = clock_timestamp(),

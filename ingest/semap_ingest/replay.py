@@ -258,7 +258,7 @@ def _packed(
     """The statement that copies these states, and what it copies."""
     stamp_us = tracks.stamp_us[rows]
     track_ids = registered.track_ids[tracks.track[rows]]
-    is_frame = len(stamp_us) > 1 and stamp_us[0] == stamp_us[-1] and not is_last.any()
+    is_frame = len(stamp_us) > 1 and bool((stamp_us == stamp_us[0]).all()) and not is_last.any()
     # frames of the same tracks follow one another in the same order
     order = np.argsort(track_ids) if is_frame else np.arange(len(track_ids))
     x_m, y_m, z_m, std_m, across_m, yaw_rad = (

@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from threading import Event as Signal
 from threading import Thread
 
-from semap.errors import SemapError
+import psycopg
+
+from semap.errors import SemapError, ServerUnavailable
 from semap.store.database import connect, translated
 
 log = logging.getLogger(__name__)
@@ -52,9 +54,29 @@ def _keep(dsn: str, stop: Signal) -> None:
 
 
 def _follow(dsn: str, stop: Signal) -> None:
-    with connect(dsn, ROLE, application="semap work: frames") as connection, translated():
+    said: dict[int, str] = {}
+    with connect(dsn, ROLE, application="semap work: frames") as connection:
         while not stop.wait(EACH_S):
-            while not stop.is_set():
-                (frames,) = connection.execute("select semap.unfold_frames()").fetchone() or (0,)
-                if not frames:
-                    break
+            with translated():
+                connection.execute("select semap.settle_silent_sources()")
+                sources = connection.execute(
+                    "select distinct source_id from semap.track_state_frame"
+                ).fetchall()
+            for (source_id,) in sources:
+                try:
+                    _unfold(connection, source_id, stop)
+                except ServerUnavailable:
+                    raise
+                except SemapError as error:
+                    # the others go on; a deadlock with who sends a state again is over the next time
+                    if said.get(source_id) != str(error):
+                        said[source_id] = str(error)
+                        log.warning("Frames of the source %d do not become rows: %s", source_id, error)
+
+
+def _unfold(connection: psycopg.Connection, source_id: int, stop: Signal) -> None:
+    with translated():
+        while not stop.is_set():
+            (frames,) = connection.execute("select semap.unfold_frames(%s)", [source_id]).fetchone() or (0,)
+            if not frames:
+                return

@@ -36,7 +36,7 @@ LOGS = {
     " from semap.relation_change order by change_id",
     "relations": "select track, instance, since from semap.relation_now order by 1, 2",
     "states": "select t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last"
-    " from semap.track_state s join semap.track t using (track_id) order by 1, 2",
+    " from semap.stored_state s join semap.track t using (track_id) order by 1, 2",
 }
 ALL_MADE = """
     select (select count(*) from semap.relation_change where query_name = 'track_in_room')

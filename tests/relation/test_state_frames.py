@@ -50,10 +50,10 @@ def stored(world: World) -> int:
     return world.one("select count(*) from semap.stored_state")
 
 
-def add(world: World, stamp_us: int, track_ids: list[int], **values: object) -> None:
+def add(world: World, stamp_us: int, ids: list[int], **values: object) -> None:
     row = dict.fromkeys(("z_m", "std_m", "heading_rad", "length_m", "std_across_m", "std_yaw_rad"))
-    row |= {"x_m": [1.0] * len(track_ids), "y_m": [2.0] * len(track_ids), "source_id": world.source_id}
-    world.connection.execute(ADD, row | {"stamp": to_datetime(stamp_us), "track_ids": track_ids} | values)
+    row |= {"x_m": [1.0] * len(ids), "y_m": [2.0] * len(ids), "source_id": world.source_id}
+    world.connection.execute(ADD, row | {"stamp": to_datetime(stamp_us), "track_ids": ids} | values)
 
 
 BAD = {
@@ -69,6 +69,8 @@ BAD = {
         {"std_m": [0.1] * 3, "std_across_m": [0.2] * 3, "std_yaw_rad": [0.0] * 3},
         "ellipse_is_one",
     ),
+    "far away, and calm": ({"x_m": [1e7 + 1.0] * 3}, "state_is_finite"),
+    "no tracks": ({"track_ids": None}, "null value in column"),
     "no such source": ({"source_id": 999_999}, "There is no source 999999"),
 }
 
@@ -165,6 +167,66 @@ def test_a_track_that_is_handed_over_takes_its_frames_along(world: World, tracks
     )
 
 
+def test_a_track_that_was_handed_over_has_its_states_once(world: World, tracks: list[int]) -> None:
+    for frame in range(3, 9):
+        add(world, frame * FRAME_US, tracks)
+    other = world.add_source("other")
+    world.run("select semap.hand_over_tracks(%s, %s)", [tracks[1]], other)
+    with pytest.raises(psycopg.errors.UniqueViolation):
+        world.add_states([(tracks[1], 8 * FRAME_US, 9.0, 9.0, None)])
+    world.add_states([(tracks[1], 9 * FRAME_US, 2.0, 2.0, None)])
+    world.add_states([(tracks[1], 4 * FRAME_US + 1, 9.0, 9.0, None)])
+    assert [(kind, stamp_us) for name, _, kind, _, stamp_us in world.changes() if name == "b"] == [
+        ("began", FRAME_US), ("ended", 4 * FRAME_US + 1), ("began", 5 * FRAME_US)
+    ]  # fmt: skip
+    world.run("delete from semap.track where track_id = %s", tracks[1])
+    assert stored(world) == 2 * 8
+
+
+@pytest.mark.parametrize("given", ["'[0:2]={0.1,0.2,0.3}'", "'{{0.1,0.2,0.3}}'"])
+def test_arrays_of_any_bounds_mean_the_same(world: World, tracks: list[int], given: str) -> None:
+    world.run(
+        "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, heading_rad)"
+        f" values (%s, %s, %s, '{{5,5,5}}', '{{2,2,2}}', {given})",
+        to_datetime(3 * FRAME_US), world.source_id, tracks,
+    )  # fmt: skip
+    headings = "select round(heading_rad::numeric, 1)::float8 from semap.{} where x_m = 5 order by track_id"
+    assert world.rows(headings.format("track_now")) == [(0.1,), (0.2,), (0.3,)]
+    assert world.rows(headings.format("stored_state")) == [(0.1,), (0.2,), (0.3,)]
+
+
+def test_a_track_that_is_deleted_ends_where_it_was_seen_last(world: World, tracks: list[int]) -> None:
+    for frame in range(3, 90):
+        add(world, frame * FRAME_US, tracks)
+    world.run("create table told (stamp timestamptz)")
+    world.run("create function tell() returns trigger language plpgsql as"
+              " $$begin insert into told values (new.stamp); return null; end$$")  # fmt: skip
+    world.run(
+        "create trigger tell after insert on semap.relation_change for each row execute function tell()"
+    )
+    world.run("delete from semap.track where track_id = %s", tracks[1])
+    assert world.rows("select stamp from told") == [(to_datetime(89 * FRAME_US),)]
+
+
+def test_a_gate_that_comes_asks_how_far_tracks_went_since_they_were_seen(
+    world: World, tracks: list[int]
+) -> None:
+    world.run("update semap.source set jump_m = null")
+    for frame, x_m in enumerate([4.1, 4.1, 7.9], start=3):
+        add(world, frame * FRAME_US, tracks, x_m=[x_m] * 3)
+    world.run("update semap.source set jump_m = 2, jump_mps = 1")
+    add(world, 6 * FRAME_US, tracks, x_m=[3.8] * 3)
+    assert world.rows("select distinct x_m from semap.track_place") == [(7.9,)]
+
+
+def test_places_do_not_go_back_where_rows_follow_frames(world: World) -> None:
+    ids = [world.add_track(f"t{number}") for number in range(201)]
+    for frame in range(1, 5):
+        add(world, frame * FRAME_US, ids, x_m=[frame / 10] * 201, y_m=[1.0] * 201)
+    world.add_states([(track, 5 * FRAME_US, 0.5, 1.0, None) for track in ids])
+    assert world.rows("select distinct x_m from semap.track_place") == [(0.5,)]
+
+
 def test_readers_see_frames_at_once(world: World, tracks: list[int]) -> None:
     add(world, 3 * FRAME_US, tracks, x_m=[1.25, 2.25, 3.25], heading_rad=[None, 0.5, 1.0])
     assert world.rows("select track, x_m, heading_rad from semap.track_present order by track_id") == [
@@ -183,24 +245,63 @@ def test_who_writes_makes_rows_where_no_worker_does(world: World, tracks: list[i
     assert stored(world) == 3 * 101
 
 
+def test_however_fast_frames_come_they_do_not_pile_up(world: World, tracks: list[int]) -> None:
+    for frame in range(1, 1600):
+        add(world, frame * 5 * FRAME_US, tracks)
+    assert world.one("select max(stamp) - min(stamp) from semap.track_state_frame") <= timedelta(seconds=71)
+
+
 def test_the_worker_makes_rows(world: World, tracks: list[int]) -> None:
     for frame in range(3, 30):
         add(world, frame * FRAME_US, tracks)
     with unfolding(world.dsn):
-        deadline_s = time.monotonic() + 30
-        while frames(world) > 1:
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+        await_frames(world, 1)
     assert frames(world) == 1, "the newest one is where everybody is"
     assert world.one("select count(*) from semap.track_state") == 3 * 28
     assert stored(world) == 3 * 29
 
 
+def test_the_last_frame_of_a_source_that_is_silent_becomes_rows(world: World, tracks: list[int]) -> None:
+    world.run("update semap.source_count set received_at = received_at - interval '11 s'")
+    with unfolding(world.dsn):
+        await_frames(world, 0)
+    assert world.one("select count(*) from semap.track_state") == 6
+
+
+def test_what_cannot_become_rows_keeps_no_other_source_from_it(world: World, tracks: list[int]) -> None:
+    other = world.add_source("other")
+    track = world.add_track("d", other)
+    for frame in (3, 4, 5):
+        add(world, frame * FRAME_US, tracks)
+        add(world, frame * FRAME_US, [track], source_id=other)
+    # as nobody can by the triggers
+    world.run("insert into semap.track_state_default (track_id, stamp, x_m, y_m) values (%s, %s, 1, 1)",
+              tracks[0], to_datetime(3 * FRAME_US))  # fmt: skip
+    with unfolding(world.dsn):
+        await_frames(world, 1, other)
+    assert frames(world) == 4 + 1
+    add(world, 100 * SECOND_US, tracks)
+    assert frames(world) == 5 + 1
+
+
+def await_frames(world: World, most: int, source_id: int | None = None) -> None:
+    deadline_s = time.monotonic() + 30
+    while (
+        world.one(
+            "select count(*) from semap.track_state_frame where source_id = coalesce(%s, source_id)",
+            source_id,
+        )
+        > most
+    ):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+
+
 def test_a_day_without_a_partition(world: World, tracks: list[int]) -> None:
+    world.run("select semap.ensure_partitions(array[date '1970-01-03'])")
     for day in range(1, 4):
         add(world, day * 86_400 * SECOND_US, tracks)
         add(world, day * 86_400 * SECOND_US + FRAME_US, tracks)
-    world.run("select semap.ensure_partitions(array[date '1970-01-03'])")
     while world.one("select semap.unfold_frames()"):
         pass
     assert world.rows("select tableoid::regclass::text, count(*) from semap.track_state group by 1 order by 1") == [

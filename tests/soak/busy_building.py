@@ -5,8 +5,9 @@ from __future__ import annotations
 import random
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.queues import Queue
 from multiprocessing.synchronize import Barrier
 from threading import Event as Signal
@@ -37,6 +38,10 @@ QUERIES = {
 }  # fmt: skip
 
 
+TAKE_FRAMES = ("plain", "debounced", "of the first", "likely")
+"""Queries of maps whose states may stay frames for a while."""
+
+
 def room(number: int, shift_m: float = 0.0) -> shapely.Geometry:
     """A concave room of 4 m, six in a row."""
     x, y = 4 * (number % 6) + shift_m, 4 * (number // 6)
@@ -45,12 +50,14 @@ def room(number: int, shift_m: float = 0.0) -> shapely.Geometry:
 
 @dataclass(frozen=True)
 class Shift:
-    """What a process needs to know: where, for how long [s], its name and its dice, and when it began [s, time.time()]."""
+    """What a process needs to know: where, for how long [s], its name, its dice and which queries there may be, and when it
+    began [s, time.time()]."""
 
     dsn: str
     seconds: float
     name: str
     seed: int
+    queries: tuple[str, ...]
     started_s: float = 0.0
 
     def is_over(self) -> bool:
@@ -116,7 +123,7 @@ def write(
                 shift.name,
                 "",
                 f"{shift.name} {number}",
-                dice.choice([1, 7, most, most]),
+                dice.choice([1, 7, len(names), most, most]),
                 keep_open=not is_end,
             )
             count(counts, "states", replay(shift.dsn, plan, recorded).states)
@@ -179,7 +186,8 @@ def hand_over(shift: Shift, dice: random.Random, counts: dict[str, int], names: 
 def edit(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
     """Rooms move, come and go; queries change, come and go; tracks are described anew, ended and deleted."""
     edits: list[Callable[[psycopg.Connection, random.Random], None]] = [move_room, move_room, move_room, other_rooms,
-             other_query, other_query, change_query, describe_track, end_track]  # fmt: skip
+             partial(other_query, names=shift.queries), partial(other_query, names=shift.queries),
+             change_query, describe_track, end_track]  # fmt: skip
     with connect(shift.dsn) as connection:
         while not shift.is_over():
             chosen = dice.choice(edits)
@@ -187,7 +195,7 @@ def edit(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
                 chosen(connection, dice)
                 if dice.random() < 0.2 and chosen not in (describe_track, end_track):
                     move_room(connection, dice)
-            count(counts, chosen.__name__)
+            count(counts, "edits")
             Signal().wait(dice.uniform(0.05, 0.6))
 
 
@@ -224,9 +232,9 @@ def add_room(connection: psycopg.Connection, number: int) -> None:
     )
 
 
-def other_query(connection: psycopg.Connection, dice: random.Random) -> None:
+def other_query(connection: psycopg.Connection, dice: random.Random, names: Sequence[str]) -> None:
     """One that is there goes, one that is not comes."""
-    name = dice.choice(sorted(QUERIES))
+    name = dice.choice(names)
     gone = connection.execute("delete from semap.continuous_query where name = %s", [name]).rowcount
     if not gone:
         add_query(connection, name)

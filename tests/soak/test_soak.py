@@ -15,6 +15,7 @@ import pytest
 from busy_building import (
     QUERIES,
     ROOMS,
+    TAKE_FRAMES,
     Done,
     Shift,
     add_query,
@@ -28,6 +29,8 @@ from busy_building import (
 from semap_service.operations.doctor.verification import verify
 from world import World
 
+from semap.worker.unfolding import unfolding
+
 SECONDS = float(os.environ.get("SEMAP_SOAK_S", "20"))
 WORKS: list[tuple[str, Any]] = [("w1", write), ("w2", write), ("w3", write), ("w4", write_frames),
                                 ("editor", edit), ("reader 1", read), ("reader 2", read)]  # fmt: skip
@@ -40,39 +43,50 @@ def differing(dsn: str) -> list[Any]:
 
 
 @pytest.mark.slow
-def test_writers_an_editor_and_readers_for_long(world: World) -> None:
+@pytest.mark.parametrize("queries", [tuple(QUERIES), TAKE_FRAMES], ids=["all queries", "in frames"])
+def test_writers_an_editor_and_readers_for_long(world: World, queries: tuple[str, ...]) -> None:
     world.run("select semap.ensure_partitions(array['2001-09-09'::date])")
     for number in range(ROOMS):
         add_room(world.connection, number)
-    for name in QUERIES:
+    for name in queries:
         add_query(world.connection, name)
     context = multiprocessing.get_context("spawn")
     told: Any = context.Queue()
     gate = context.Barrier(len(WORKS) + 1)
     processes = [
-        context.Process(target=at_work, args=(work, Shift(world.dsn, SECONDS, name, seed), gate, told))
+        context.Process(
+            target=at_work, args=(work, Shift(world.dsn, SECONDS, name, seed, queries), gate, told)
+        )
         for seed, (name, work) in enumerate(WORKS)
     ]
     for process in processes:
         process.start()
     gate.wait(120)
-    started_s, looked = time.time(), 0
-    while time.time() < started_s + SECONDS:
-        assert differing(world.dsn) == [], f"while they worked, after {time.time() - started_s:.0f} s"
-        looked += 1
+    started_s, looked, framed = time.time(), 0, 0
+    with unfolding(world.dsn):
+        while time.time() < started_s + SECONDS:
+            assert differing(world.dsn) == [], f"while they worked, after {time.time() - started_s:.0f} s"
+            looked += 1
+            framed += world.one("select count(*) from semap.track_state_frame")
     done: list[Done] = [told.get(timeout=120) for _ in processes]
     for process in processes:
         process.join(60)
     assert [each.failed for each in done if each.failed] == []
     counts = sum((Counter(each.counts) for each in done), Counter())
     counts["changes"] = world.one("select count(*) from semap.relation_change")
-    print(f"{SECONDS:.0f} s: looked {looked} times, {dict(counts)}")  # noqa: T201
+    print(f"{SECONDS:.0f} s: looked {looked} times, saw {framed} frames, {dict(counts)}")  # noqa: T201
     assert world.one("select deadlocks from pg_stat_database where datname = current_database()") == 0
-    assert world.one("select count(*) from semap.track_state") == counts["states"]
+    assert world.one("select count(*) from semap.stored_state") == counts["states"]
     assert counts["states"] > 10 * SECONDS
     assert counts["handed over"] > SECONDS / 10
     assert counts["changes"] > SECONDS
-    assert world.one("select count(*) from semap.relation_change where object_track_id is not null") > SECONDS
+    if queries == TAKE_FRAMES:
+        assert framed > 0
+    else:
+        assert (
+            world.one("select count(*) from semap.relation_change where object_track_id is not null")
+            > SECONDS
+        )
     assert world.one("select count(*) from semap.track where name not like (select name from semap.source s"
                      " where s.source_id = track.source_id) || '-%%'") > 0, "tracks are at other sources"  # fmt: skip
     assert differing(world.dsn) == []
