@@ -6,18 +6,6 @@
 -- Frames become rows a second or two later (semap.unfold_frames, which the worker calls), so that few are looked through.
 -- The newest one of a source stays as long as it is where everybody is, and the source is not silent.
 
--- The states of a frame, as rows.
-create or replace function semap.states_of_frame(p_frame semap.track_state_frame) returns setof semap.track_state
-language sql immutable parallel safe rows 1000 as $$
-  select s.track_id, (p_frame).stamp, s.x_m, s.y_m, s.z_m, s.std_m, false,
-         s.heading_rad, s.speed_mps, s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
-  from unnest((p_frame).track_ids, (p_frame).x_m, (p_frame).y_m, (p_frame).z_m, (p_frame).std_m, (p_frame).heading_rad,
-              (p_frame).speed_mps, (p_frame).length_m, (p_frame).width_m, (p_frame).std_across_m, (p_frame).std_yaw_rad)
-    s (track_id, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)
-$$;
-comment on function semap.states_of_frame is
-  'The states of a frame, as rows.';
-
 -- Whether what a frame says of errors is so of each of its states (as the constraint ellipse_is_one of rows has it).
 create or replace function semap.are_ellipses(p_frame semap.track_state_frame) returns boolean
 language sql immutable parallel safe as $$
@@ -143,11 +131,7 @@ begin
     raise exception 'There is no source %.', p_frame.source_id
       using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
   end if;
-  insert into semap.track_state
-    (track_id, stamp, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)
-  select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-         s.std_across_m, s.std_yaw_rad
-  from semap.states_of_frame(p_frame) s;
+  insert into semap.track_state select * from semap.states_of_frame(p_frame);
   select * into v_count from semap.source_count where source_id = p_frame.source_id;
   if v_count.frame_stamp > p_frame.stamp
      or exists (select from semap.continuous_query

@@ -9,31 +9,24 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from threading import Event as Signal
-from threading import Thread
 
 from semap.errors import SemapError
 from semap.store.maintenance import Maintained, maintain
+from semap.worker.beside import beside
 
 log = logging.getLogger(__name__)
 
 FIRST_S = 60.0
 EACH_S = 3600.0
-PATIENCE_S = 5.0
 
 
 @contextmanager
 def housekeeping(dsn: str, first_s: float = FIRST_S, each_s: float = EACH_S) -> Iterator[None]:
     """Maintenance as long as this lasts: a minute after its beginning, and then each hour."""
-    stop = Signal()
-    thread = Thread(target=_keep, args=(dsn, stop, first_s, each_s), name="housekeeping", daemon=True)
-    thread.start()
-    try:
+    with beside("housekeeping", partial(_keep, dsn, first_s=first_s, each_s=each_s)):
         yield
-    finally:
-        stop.set()
-        # a step under way is undone by the server when the process ends
-        thread.join(PATIENCE_S)
 
 
 def _keep(dsn: str, stop: Signal, first_s: float, each_s: float) -> None:

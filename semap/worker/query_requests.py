@@ -13,16 +13,17 @@ import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from importlib.util import find_spec
 from threading import Event as Signal
-from threading import Thread
 
 from sqlalchemy import Connection, Engine, func, select, update
 
-from semap.errors import CallerError, InvalidInput, SemapError, ServerUnavailable
+from semap.errors import CallerError, InvalidInput, ServerUnavailable
 from semap.store.database import connect, open_engine, translated
 from semap.store.queries import add_query, declaration_from_sql
 from semap.store.tables import map_, query_request
+from semap.worker.beside import again_and_again, beside
 
 log = logging.getLogger(__name__)
 
@@ -32,39 +33,22 @@ LOOK_S = 5.0
 """So often it is looked for what another worker has begun and not ended."""
 WAKE_S = 0.5
 RETRY_S = 2.0
-PATIENCE_S = 5.0
 FAULT = "semap failed on this text"
 
 
 @contextmanager
 def answering(dsn: str) -> Iterator[None]:
     """Requests are answered as long as this lasts."""
-    stop = Signal()
-    thread = Thread(target=_keep, args=(dsn, stop), name="query requests", daemon=True)
-    thread.start()
-    try:
+    with beside("query requests", partial(_keep, dsn)):
         yield
-    finally:
-        stop.set()
-        # an answer under way is undone by the server when the process ends
-        thread.join(PATIENCE_S)
 
 
 def _keep(dsn: str, stop: Signal) -> None:
     if find_spec("pglast") is None:
         log.info("Queries that are asked for in SQL are not answered. To do so: pip install 'semap[sql]'")
         return
-    said = ""
-    while not stop.is_set():
-        try:
-            _follow(dsn, stop)
-        except SemapError as error:
-            if str(error) != said:
-                said = str(error)
-                log.warning("Queries that are asked for in SQL wait: %s", error)
-        except Exception:
-            log.exception("Queries that are asked for in SQL wait.")
-        stop.wait(RETRY_S)
+    waits = "Queries that are asked for in SQL wait"
+    again_and_again(partial(_follow, dsn), stop, log, waits, RETRY_S)
 
 
 def _follow(dsn: str, stop: Signal) -> None:

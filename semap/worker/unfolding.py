@@ -9,48 +9,31 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from threading import Event as Signal
-from threading import Thread
 
 import psycopg
 
 from semap.errors import SemapError, ServerUnavailable
 from semap.store.database import connect, translated
+from semap.worker.beside import again_and_again, beside
 
 log = logging.getLogger(__name__)
 
 ROLE = "semap_worker"
 EACH_S = 1.0
 RETRY_S = 5.0
-PATIENCE_S = 5.0
 
 
 @contextmanager
 def unfolding(dsn: str) -> Iterator[None]:
     """Frames become rows as long as this lasts."""
-    stop = Signal()
-    thread = Thread(target=_keep, args=(dsn, stop), name="unfolding", daemon=True)
-    thread.start()
-    try:
+    follow = partial(_follow, dsn)
+    work = partial(
+        again_and_again, follow, log=log, waits="Frames of states become rows later", retry_s=RETRY_S
+    )
+    with beside("unfolding", work):
         yield
-    finally:
-        stop.set()
-        # a step under way is undone by the server when the process ends
-        thread.join(PATIENCE_S)
-
-
-def _keep(dsn: str, stop: Signal) -> None:
-    said = ""
-    while not stop.is_set():
-        try:
-            _follow(dsn, stop)
-        except SemapError as error:
-            if str(error) != said:
-                said = str(error)
-                log.warning("Frames of states become rows later: %s", error)
-        except Exception:
-            log.exception("Frames of states become rows later.")
-        stop.wait(RETRY_S)
 
 
 def _follow(dsn: str, stop: Signal) -> None:

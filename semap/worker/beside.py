@@ -1,0 +1,44 @@
+"""What the rule worker's process does beside its work: each in a thread and over connections of its own."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event as Signal
+from threading import Thread
+
+from semap.errors import SemapError
+
+PATIENCE_S = 5.0
+
+
+@contextmanager
+def beside(name: str, work: Callable[[Signal], None]) -> Iterator[None]:
+    """The work goes on in a thread as long as this lasts; it ends when its signal is set."""
+    stop = Signal()
+    thread = Thread(target=work, args=(stop,), name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        # a step under way is undone by the server when the process ends
+        thread.join(PATIENCE_S)
+
+
+def again_and_again(
+    follow: Callable[[Signal], None], stop: Signal, log: logging.Logger, waits: str, retry_s: float
+) -> None:
+    """Begin anew whatever goes wrong, a while after it; `waits` says what is not done meanwhile."""
+    said = ""
+    while not stop.is_set():
+        try:
+            follow(stop)
+        except SemapError as error:
+            if str(error) != said:
+                said = str(error)
+                log.warning("%s: %s", waits, error)
+        except Exception:
+            log.exception("%s.", waits)
+        stop.wait(retry_s)
