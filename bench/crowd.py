@@ -10,7 +10,8 @@ import numpy as np
 import psycopg
 import shapely
 from numpy.typing import NDArray
-from semap_ingest.state_copy import pack_frame, pack_states
+from semap_ingest.state_copy import pack_states
+from semap_ingest.state_frame import pack_frame
 
 ROOM_X_M, ROOM_Y_M = 5.0, 4.0
 SPEED_MPS = 1.4
@@ -83,7 +84,7 @@ def batches(track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us:
 
 def framed(
     source_id: int, track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us: int
-) -> list[bytes]:
+) -> list[Sequence[object]]:
     """The same states, each batch one row of `track_state_frame`."""
     tracks = len(track_ids)
     return [

@@ -27,7 +27,7 @@ import numpy as np
 import psycopg
 import websockets
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_FRAMES
+from semap_ingest.state_frame import insert_frame
 from semap_service.port import free_port
 from semap_service.supervisor import Supervisor
 
@@ -70,11 +70,11 @@ class Source:
     after_us: int
 
     @cached_property
-    def frames(self) -> list[tuple[int, bytes]]:
-        """The stamp [us] and the batch of each."""
+    def frames(self) -> list[tuple[int, Sequence[object]]]:
+        """The stamp [us] and the row of each."""
         stamps_us = frame_stamps(len(self.places), FIRST_US + self.after_us)
-        data = framed(self.source_id, self.track_ids, self.places, int(stamps_us[0]))
-        return list(zip(stamps_us.tolist(), data, strict=True))
+        rows = framed(self.source_id, self.track_ids, self.places, int(stamps_us[0]))
+        return list(zip(stamps_us.tolist(), rows, strict=True))
 
 
 def measure(dsn: str, rates: Sequence[int] = RATES, round_s: float = ROUND_S, rounds: int = ROUNDS) -> Rows:
@@ -168,14 +168,13 @@ def _writers(dsn: str, sources: Sequence[Source], sent: Sent) -> list[Thread]:
 
 def _write(dsn: str, source: Source, started_s: float, sent: Sent) -> None:
     with connect(dsn, "semap_ingest") as connection, connection.cursor() as cursor:
-        for number, (stamp_us, data) in enumerate(source.frames):
+        for number, (stamp_us, row) in enumerate(source.frames):
             due_s = started_s + (stamp_us - FIRST_US) / 1e6
             Signal().wait(max(due_s - time.monotonic(), 0))
             begun_s = time.monotonic()
             sent.begun_s[stamp_us] = begun_s
             sent.late_ms[stamp_us] = 1e3 * (begun_s - due_s)
-            with cursor.copy(COPY_FRAMES) as copy:
-                copy.write(data)
+            insert_frame(cursor, row)
             if source.after_us == 0 and number % 2 == 0:
                 done_s = time.monotonic()
                 cursor.execute("insert into commit_alone values (%s)", [number], prepare=True)

@@ -2,22 +2,26 @@
 
 Few states leave nothing to share the fixed cost of a statement among, and between two frames the machine does
 other things, so that nothing is in the processor's caches. Counted is the CPU time of the server's process
-for each batch, by the kernel: with COPY, triggers and commit. Batches of all tables take turns.
+for each batch, by the kernel: with COPY (of frames: INSERT), triggers and commit. Batches of all tables take
+turns.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from statistics import median
 from threading import Event as Signal
+from typing import Any
 
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_FRAMES, COPY_STATES
+from semap_ingest.replay import COPY_STATES
+from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk
 from bench.figure import Rows, figure
@@ -40,20 +44,20 @@ DEBOUNCED = """
 class Kept:
     """What was measured of one kind of table, batch by batch. Mutable.
 
-    cpu_ms, wall_ms  of the server's process; from the COPY to its commit
+    cpu_ms, wall_ms  of the server's process; from the COPY or INSERT to its commit
     """
 
     connection: psycopg.Connection
-    statement: str
-    data: Sequence[bytes]
+    write: Callable[[psycopg.Cursor, Any], None]
+    batches: Sequence[object]
     cpu_ms: list[float] = field(default_factory=list)
     wall_ms: list[float] = field(default_factory=list)
 
-    def copy(self, number: int) -> None:
+    def send(self, number: int) -> None:
         before_ms = _cpu_ms(self.connection)
         started_s = time.perf_counter()
-        with self.connection.cursor() as cursor, cursor.copy(self.statement) as copy:
-            copy.write(self.data[number])
+        with self.connection.cursor() as cursor:
+            self.write(cursor, self.batches[number])
         self.wall_ms.append(1e3 * (time.perf_counter() - started_s))
         Signal().wait(0.002)  # until the process sleeps again
         self.cpu_ms.append(_cpu_ms(self.connection) - before_ms)
@@ -76,7 +80,7 @@ def _measure(dsn: str, tracks: int) -> dict[str, object]:
     for number in range(count):
         for table in tables.values():
             Signal().wait(1 / RATE_HZ / len(tables))
-            table.copy(number)
+            table.send(number)
     row: dict[str, object] = {"tracks": tracks, "batches": ROUNDS * FRAMES}
     for name, table in tables.items():
         table.connection.close()
@@ -89,7 +93,7 @@ def _bare(dsn: str, tracks: int, places: NDArray[np.float64]) -> Kept:
     connection = connect(dsn)
     connection.execute("drop table if exists bare")
     connection.execute(BARE_TABLE)
-    return Kept(connection, COPY_BARE, batches(np.arange(tracks), places, FIRST_US))
+    return Kept(connection, partial(_copy, COPY_BARE), batches(np.arange(tracks), places, FIRST_US))
 
 
 def _triggers(
@@ -103,8 +107,13 @@ def _triggers(
     connection.execute("vacuum analyze semap.track_now, semap.region")
     if in_frames:
         source_id = source_of(connection, track_ids)
-        return Kept(connection, COPY_FRAMES, framed(source_id, track_ids, places, FIRST_US))
-    return Kept(connection, COPY_STATES, batches(track_ids, places, FIRST_US))
+        return Kept(connection, insert_frame, framed(source_id, track_ids, places, FIRST_US))
+    return Kept(connection, partial(_copy, COPY_STATES), batches(track_ids, places, FIRST_US))
+
+
+def _copy(statement: str, cursor: psycopg.Cursor, data: bytes) -> None:
+    with cursor.copy(statement) as copy:
+        copy.write(data)
 
 
 def _rounds(values: Sequence[float]) -> list[Sequence[float]]:

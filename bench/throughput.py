@@ -10,10 +10,12 @@ measured after each round, and so is the rate if one process did both.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import psycopg
-from semap_ingest.replay import COPY_FRAMES, COPY_STATES
+from semap_ingest.replay import COPY_STATES
 from semap_ingest.state_copy import COLUMNS
+from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import Floor, batches, build_map, framed, source_of, walk
 from bench.figure import figure
@@ -55,7 +57,7 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
             connection.execute("truncate bare")
             rates["bare"].append(_copy(connection, COPY_BARE, as_rows[some]))
             rates["rows"].append(_copy(connection, COPY_STATES, as_rows[some]))
-            rates["frames"].append(_copy(connection, COPY_FRAMES, as_frames[others]))
+            rates["frames"].append(_insert(connection, as_frames[others]))
             later_us.append(_unfold_us(connection))
             rates["both"].append(1e6 / (1e6 / rates["frames"][-1] + later_us[-1]))
         changes = _changes(connection) - before
@@ -95,6 +97,14 @@ def _copy(connection: psycopg.Connection, statement: str, data: list[bytes]) -> 
             with cursor.copy(statement) as copy:
                 copy.write(batch)
     return len(data) * TRACKS / (time.perf_counter() - started_s)
+
+
+def _insert(connection: psycopg.Connection, frames: list[Sequence[object]]) -> float:
+    started_s = time.perf_counter()
+    with connection.cursor() as cursor:
+        for frame in frames:
+            insert_frame(cursor, frame)
+    return len(frames) * TRACKS / (time.perf_counter() - started_s)
 
 
 def _changes(connection: psycopg.Connection) -> int:

@@ -68,11 +68,13 @@ end $$;
 comment on function semap.note_late is
   'Count states that came late, and note which tracks began earlier than was known.';
 
--- A gate for outliers that is another one asks how far tracks went, so places are written by then.
+-- A gate for outliers that is another one asks how far tracks went, so places are written by then; and whether
+-- frames may follow one another is found anew.
 create or replace function semap.gate_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.settle_places(array[new.source_id]);
+  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id = new.source_id;
   return null;
 end $$;
 comment on function semap.gate_changed is

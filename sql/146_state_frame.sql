@@ -122,18 +122,20 @@ comment on function semap.settle_silent_sources is
 create or replace function semap.take_frame_as_rows(p_frame semap.track_state_frame) returns void
 language plpgsql set random_page_cost = 0.5 as $$
 declare
-  v_tracks  constant integer := cardinality(p_frame.track_ids);
-  v_map_id  integer;
-  v_count   semap.source_count;
+  v_tracks      constant integer := cardinality(p_frame.track_ids);
+  v_map_id      integer;
+  v_may_follow  boolean; -- no calm is so wide that the gate for outliers could not do without the exact place
+  v_count       semap.source_count;
 begin
-  select map_id into v_map_id from semap.source where source_id = p_frame.source_id;
+  select s.map_id, s.jump_m >= 3 * m.cell_m or s.jump_m is null into v_map_id, v_may_follow
+  from semap.source s join semap.map m using (map_id) where s.source_id = p_frame.source_id;
   if v_map_id is null then
     raise exception 'There is no source %.', p_frame.source_id
       using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
   end if;
   insert into semap.track_state select * from semap.states_of_frame(p_frame);
   select * into v_count from semap.source_count where source_id = p_frame.source_id;
-  if v_count.frame_stamp > p_frame.stamp
+  if v_count.frame_stamp > p_frame.stamp or not v_may_follow
      or exists (select from semap.continuous_query
                 where map_id = v_map_id and enabled and (in_pairs or longest_gap is not null)) then
     return;
@@ -148,6 +150,9 @@ begin
   elsif v_count.frame_tracks is distinct from v_tracks then
     return;
   end if;
+  update semap.track_now t set slot = n.slot
+  from unnest(p_frame.track_ids) with ordinality n (track_id, slot)
+  where t.track_id = n.track_id and t.slot is distinct from n.slot;
   update semap.source_count
   set frame_stamp = p_frame.stamp, placed_stamp = v_count.placed_stamp, frame_tracks = v_tracks, frame_track_ids = p_frame.track_ids
   where source_id = p_frame.source_id;
@@ -163,8 +168,12 @@ set random_page_cost = 0.5 as $$
 declare
   c_places_each     constant interval := '10 s';
   v_states          constant integer := cardinality(new.track_ids);
+  -- which are taken by their place at once, unlike those of a record
+  v_x_m             constant double precision[] := new.x_m;
+  v_y_m             constant double precision[] := new.y_m;
+  v_z_m             constant double precision[] := new.z_m;
+  v_std_m           constant real[] := new.std_m;
   v_before          record;
-  v_source          semap.source;
   v_arrivals        semap.arrival[];
   v_crossings       semap.crossing[];
   v_as_rows         boolean;
@@ -184,13 +193,11 @@ begin
     perform semap.require_read_committed();
   end if;
   perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, new.source_id); -- as in sql/020, in one statement
-  select s.map_id, c.frame_stamp, c.placed_stamp, c.frame_track_ids, s.jump_m >= 3 * m.cell_m or s.jump_m is null as may_place_late
-  into v_before
-  from semap.source_count c join semap.source s using (source_id) join semap.map m using (map_id)
-  where c.source_id = new.source_id;
+  select s.map_id, s.jump_m, c.frame_stamp, c.placed_stamp, c.frame_track_ids into v_before
+  from semap.source_count c join semap.source s using (source_id) where c.source_id = new.source_id;
   -- what no state may say is refused as a row; constraints of this table would be parsed anew for each frame
   v_as_rows := not (
-    v_before.may_place_late and new.track_ids = v_before.frame_track_ids
+    new.track_ids = v_before.frame_track_ids
     and new.stamp > v_before.frame_stamp and new.stamp between '1800-01-01Z' and '9999-01-01Z'
     and -1e7 <= all (new.x_m) and 1e7 >= all (new.x_m) and -1e7 <= all (new.y_m) and 1e7 >= all (new.y_m)
     and coalesce(-1e7 <= all (new.z_m) and 1e7 >= all (new.z_m), true)
@@ -208,28 +215,22 @@ begin
 
   if not v_as_rows then
     -- all of these tracks are known, live, and were seen before: what is left of the comparison in sql/135
-    select array_agg(row(n.track_id, new.stamp, n.x_m, n.y_m, n.z_m, n.std_m, new.heading_rad[n.place], new.speed_mps[n.place],
-                         new.length_m[n.place], new.width_m[n.place], false, t.source_id, t.map_id, t.cell_m, t.live,
-                         v_before.frame_stamp, t.x_m, t.y_m, t.z_m, t.region_ids, t.outlier_stamp,
-                         new.std_across_m[n.place], new.std_yaw_rad[n.place])::semap.arrival)
-    into v_arrivals
-    from unnest(new.track_ids, new.x_m, new.y_m, new.z_m, new.std_m)
-      with ordinality n (track_id, x_m, y_m, z_m, std_m, place)
-    -- no key is looked up for each of an array that may be long
-    join (select * from semap.track_now where map_id = v_before.map_id and source_id = new.source_id and live offset 0) t
-      using (track_id)
-    where (n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
-           and case when n.z_m is null then t.calm_z_min_m is null
-                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
-           and (n.std_m <= t.calm_std_m or n.std_m is null)
+    select array_agg(row(t.track_id, new.stamp, v_x_m[t.slot], v_y_m[t.slot], v_z_m[t.slot], v_std_m[t.slot],
+                         new.heading_rad[t.slot], new.speed_mps[t.slot], new.length_m[t.slot], new.width_m[t.slot], false,
+                         t.source_id, t.map_id, t.cell_m, t.live, v_before.frame_stamp, t.x_m, t.y_m, t.z_m, t.region_ids,
+                         t.outlier_stamp, new.std_across_m[t.slot], new.std_yaw_rad[t.slot])::semap.arrival),
+           -- what the gate has to look at, and no place
+           bool_or(t.outlier_stamp is not null or v_x_m[t.slot] is null or v_y_m[t.slot] is null
+                   or (v_x_m[t.slot] - t.x_m) ^ 2 + (v_y_m[t.slot] - t.y_m) ^ 2 > (v_before.jump_m / 2) ^ 2)
+    into v_arrivals, v_as_rows
+    from semap.track_now t
+    where t.map_id = v_before.map_id and t.source_id = new.source_id and t.live
+      and (v_x_m[t.slot] > t.calm_x_min_m and v_x_m[t.slot] < t.calm_x_max_m
+           and v_y_m[t.slot] > t.calm_y_min_m and v_y_m[t.slot] < t.calm_y_max_m
+           and case when v_z_m[t.slot] is null then t.calm_z_min_m is null
+                    else v_z_m[t.slot] >= t.calm_z_min_m and v_z_m[t.slot] < t.calm_z_max_m end
+           and (v_std_m[t.slot] <= t.calm_std_m or v_std_m[t.slot] is null)
            and new.stamp < t.calm_until) is not true;
-    if v_arrivals is not null then
-      select * into v_source from semap.source where source_id = new.source_id;
-      -- what the gate has to look at, and no place
-      select bool_or(outlier_stamp is not null or x_m is null or y_m is null
-                     or (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2)
-      into v_as_rows from unnest(v_arrivals);
-    end if;
   end if;
   if v_as_rows then
     perform semap.take_frame_as_rows(new);

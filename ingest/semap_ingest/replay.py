@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from threading import Event as Signal
 from uuid import UUID, uuid5
 
@@ -25,13 +26,13 @@ from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
-from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, FRAME_COLUMNS, pack_frame, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
+from semap_ingest.state_frame import insert_frame, pack_frame
 from semap_ingest.track_file import Tracks
 
 ROLE = "semap_ingest"
 COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
 COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
-COPY_FRAMES = f"copy semap.track_state_frame ({', '.join(FRAME_COLUMNS)}) from stdin (format binary)"
 FIND_TRACKS = """
     select k.name, k.track_id, case when k.source_id <> %s then n.name end
     from semap.track k join semap.source n using (source_id)
@@ -237,9 +238,9 @@ def _write(
     done = registered.done
     while done < len(tracks) and not stop.is_set():
         rows = _next_batch(tracks, done, plan.batch_size, clock.due(tracks.stamp_us, done, stop))
-        packed = _packed(tracks, registered, rows, is_last[rows])
+        write = _writer(tracks, registered, rows, is_last[rows])
         is_over = rows.stop == len(tracks) and not plan.keep_open
-        _commit(connection, plan, registered, packed, rows.stop, _watermark_us(tracks, rows.stop), is_over)
+        _commit(connection, plan, registered, write, rows.stop, _watermark_us(tracks, rows.stop), is_over)
         done = rows.stop
         yield done
 
@@ -252,10 +253,10 @@ def _next_batch(tracks: Tracks, done: int, batch_size: int, due: int) -> slice:
     return slice(done, min(done + batch_size, due))
 
 
-def _packed(
+def _writer(
     tracks: Tracks, registered: _Registered, rows: slice, is_last: NDArray[np.bool_]
-) -> tuple[str, bytes]:
-    """The statement that copies these states, and what it copies."""
+) -> Callable[[psycopg.Cursor], None]:
+    """What writes these states."""
     stamp_us = tracks.stamp_us[rows]
     track_ids = registered.track_ids[tracks.track[rows]]
     is_frame = len(stamp_us) > 1 and bool((stamp_us == stamp_us[0]).all()) and not is_last.any()
@@ -271,9 +272,14 @@ def _packed(
     if is_frame:
         source_id, one_us = registered.source_id, int(stamp_us[0])
         frame = pack_frame(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
-        return COPY_FRAMES, frame
+        return partial(insert_frame, row=frame)
     data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, ellipse=ellipse)
-    return COPY_ELLIPSES if ellipse else COPY_STATES, data
+    return partial(_copy, statement=COPY_ELLIPSES if ellipse else COPY_STATES, data=data)
+
+
+def _copy(cursor: psycopg.Cursor, statement: str, data: bytes) -> None:
+    with cursor.copy(statement) as copy:
+        copy.write(data)
 
 
 def _watermark_us(tracks: Tracks, done: int) -> int:
@@ -285,20 +291,18 @@ def _commit(
     connection: psycopg.Connection,
     plan: Plan,
     registered: _Registered,
-    packed: tuple[str, bytes],
+    write: Callable[[psycopg.Cursor], None],
     done: int,
     watermark_us: int,
     is_over: bool,
 ) -> None:
     """One batch, how far the recording has come with it, and the watermark of its source.
 
-    packed   the statement that copies it, and what it copies
     is_over  nothing more is to come of the source for now: rules do not wait for it
     """
     with translated(), connection.transaction(), connection.cursor() as cursor:
         try:
-            with cursor.copy(packed[0]) as copy:
-                copy.write(packed[1])
+            write(cursor)
         except psycopg.errors.UniqueViolation as error:
             raise Conflict(
                 f"States of the source {plan.source} are stored already: {error.diag.message_detail}",

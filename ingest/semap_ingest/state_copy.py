@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,13 +15,9 @@ EXTENT_COLUMNS = (*COLUMNS, "heading_rad", "speed_mps", "length_m", "width_m")
 ELLIPSE_COLUMNS = ("std_across_m", "std_yaw_rad")
 """After all others, where errors are not alike in all directions."""
 
-FRAME_COLUMNS = ("stamp", "source_id", "track_ids", "x_m", "y_m", "z_m", "std_m", *ELLIPSE_COLUMNS)
-"""Of `semap.track_state_frame`: all tracks of a source at one moment."""
-
 POSTGRES_EPOCH_US = 946_684_800_000_000
 HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
 TRAILER = b"\xff\xff"
-NULL = b"\xff\xff\xff\xff"
 
 TYPES = {
     "track_id": ">i8",
@@ -84,53 +79,6 @@ def pack_states(
         parts.append(_pack({name: value[rows] for name, value in values.items()}, missing))
     parts.append(TRAILER)
     return b"".join(parts)
-
-
-def pack_frame(
-    source_id: int,
-    stamp_us: int,
-    track_id: NDArray[np.int64],
-    x_m: NDArray[np.float64],
-    y_m: NDArray[np.float64],
-    z_m: NDArray[np.float64],
-    std_m: NDArray[np.float64],
-    *,
-    ellipse: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-) -> bytes:
-    """A whole COPY (format binary) of `FRAME_COLUMNS`: one row.
-
-    All arrays are (n,). Frames of the same tracks are stored fastest where these are in the same order. NaN
-    becomes null in all but the first three.
-    """
-    unknown = np.full(len(track_id), np.nan)
-    std_across_m, std_yaw_rad = (unknown, unknown) if ellipse is None else ellipse
-    row = [
-        struct.pack(">hiqii", len(FRAME_COLUMNS), 8, stamp_us - POSTGRES_EPOCH_US, 4, source_id),
-        _pack_array(track_id, BIGINT),
-        *(_pack_array(each, FLOAT8) for each in (x_m, y_m, z_m)),
-        *(_pack_array(each, FLOAT4) for each in (std_m, std_across_m, std_yaw_rad)),
-    ]
-    return b"".join([HEADER, *row, TRAILER])
-
-
-BIGINT, FLOAT8, FLOAT4 = (20, ">i8"), (701, ">f8"), (700, ">f4")
-"""The number of a type of PostgreSQL, and how it is sent."""
-
-
-def _pack_array(values: NDArray[Any], kind: tuple[int, str]) -> bytes:
-    oid, sent_as = kind
-    nulls = np.isnan(values)
-    if nulls.all():
-        return NULL
-    elements = np.empty(len(values), dtype=[("size", ">i4"), ("value", sent_as)])
-    elements["size"], elements["value"] = np.dtype(sent_as).itemsize, values
-    sent = (
-        b"".join(NULL if null else each.tobytes() for null, each in zip(nulls, elements, strict=True))
-        if nulls.any()
-        else elements.tobytes()
-    )
-    head = struct.pack(">iiiii", 1, int(nulls.any()), oid, len(values), 1)
-    return struct.pack(">i", len(head) + len(sent)) + head + sent
 
 
 def _pack(values: Mapping[str, NDArray[Any]], nulls: set[str]) -> bytes:

@@ -392,6 +392,7 @@ track_now = Table(
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
     *_reals("std_across_m", "std_yaw_rad", nullable=True),
+    Column("slot", Integer),
 )
 
 track_place = Table(
@@ -400,7 +401,7 @@ track_place = Table(
     *(
         Column(each.name, each.type)
         for each in track_now.c
-        if each.name != "cell_m" and not each.name.startswith(("calm_", "outlier_"))
+        if each.name not in ("cell_m", "slot") and not each.name.startswith(("calm_", "outlier_"))
     ),
 )
 

@@ -10,7 +10,7 @@ import numpy as np
 import psycopg
 import pytest
 import shapely
-from semap_ingest.state_copy import FRAME_COLUMNS, pack_frame
+from semap_ingest.state_frame import insert_frame, pack_frame
 from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
@@ -318,7 +318,6 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
         [world.add_track(f"{number}-{each}", source) for each in range(5)]
         for number, source in enumerate(sources)
     ]
-    copy = f"copy semap.track_state_frame ({', '.join(FRAME_COLUMNS)}) from stdin (format binary)"
     nothing = np.full(5, NAN)
 
     def write(number: int) -> None:
@@ -326,11 +325,11 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
         with connect(world.dsn, "semap_ingest") as connection, connection.cursor() as cursor:
             for frame in range(1, 150):
                 x_m, y_m = dice.uniform(0, 16, 5), dice.uniform(0, 4.5, 5)
-                with cursor.copy(copy) as sent:
-                    track_ids = np.array(ids[number])
-                    sent.write(
-                        pack_frame(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing)
-                    )
+                track_ids = np.array(ids[number])
+                insert_frame(
+                    cursor,
+                    pack_frame(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing),
+                )
                 if number == 3 and frame % 20 == 0:
                     late = to_datetime(frame * FRAME_US) - timedelta(seconds=1.05)
                     cursor.execute("insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, %s, 1, 1)",
