@@ -12,8 +12,10 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import Connection, bindparam, func, literal_column, select
+import psycopg
+from sqlalchemy import Connection, bindparam, func, literal_column, null, select
 from sqlalchemy.dialects.postgresql import aggregate_order_by
+from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
 
 from semap.model.event import Evidence
 from semap.store.database import translated
@@ -133,6 +135,19 @@ def list_events(
     return tuple(_event(row) for row in rows)
 
 
+def take_events(
+    connection: psycopg.Connection, *, after: int, limit: int, placed: bool
+) -> tuple[StoredEvent, ...]:
+    """The same for those who look again and again and for whom others wait: a prepared statement.
+
+    placed  False: all places are None, whose look-up takes a third of the time
+    """
+    text = _PLACED_TEXT if placed else _UNPLACED_TEXT
+    with translated():
+        rows = connection.execute(text, {"after": after, "most": limit}, prepare=True).fetchall()
+    return tuple(_event(row) for row in rows)
+
+
 def list_events_between(
     connection: Connection, map_name: str, start: datetime, end: datetime, *, limit: int = 100
 ) -> tuple[StoredEvent, ...]:
@@ -181,6 +196,9 @@ _POSITION = (
     )
     .scalar_subquery()
 )
+_PLACE = func.public.st_asbinary(
+    func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION)
+).label("place")
 EVENTS = (
     select(
         event.c.seq,
@@ -203,9 +221,7 @@ EVENTS = (
         event_amendment.c.verdict,
         event_amendment.c.by_event_id,
         event.c.created_at,
-        func.public.st_asbinary(
-            func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION)
-        ),
+        _PLACE,
         select(
             func.jsonb_agg(
                 aggregate_order_by(
@@ -227,4 +243,9 @@ EVENTS = (
 )
 
 NEXT_EVENTS = EVENTS.where(event.c.seq > bindparam("after")).order_by(event.c.seq).limit(bindparam("most"))
-"""Made once: whoever waits for an event waits for what it takes to make this, too."""
+
+_UNPLACED = NEXT_EVENTS.with_only_columns(
+    *(null() if column is _PLACE else column for column in EVENTS.selected_columns)
+)
+_DRIVER = PGDialect_psycopg()  # type: ignore[no-untyped-call]  # of a library without types there
+_PLACED_TEXT, _UNPLACED_TEXT = (str(each.compile(dialect=_DRIVER)) for each in (NEXT_EVENTS, _UNPLACED))

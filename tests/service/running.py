@@ -150,17 +150,20 @@ class Service:
             )
         return track_id
 
-    def happen(self, first: int, count: int = 1, map_name: str = "office", kind: str = "entered") -> None:
+    def happen(
+        self, first: int, count: int = 1, map_name: str = "office", kind: str = "entered", track_id: int = 3
+    ) -> None:
         """Events with these numbers, committed at once as the rule worker does."""
         self.plain.execute(
             "with made as (insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type,"
             " stamp, cause, track_id, track_name, instance_id, instance_name, since)"
             " select seq, gen_random_uuid(), map_id, 'room_visits', 1, %(kind)s, %(stamp)s, 'moved',"
-            " 3, 'person', 7, 'Room07', %(stamp)s"
+            " %(track)s, 'person', 7, 'Room07', %(stamp)s"
             " from semap.map, generate_series(%(first)s::int, %(last)s::int) seq where name = %(map)s"
             " returning 1), known as (update semap.progress set event_seq = greatest(event_seq, %(last)s::int))"
             " select pg_notify('semap_event', '') from (select count(*) from made) done",
-            {"kind": kind, "stamp": START, "first": first, "last": first + count - 1, "map": map_name},
+            {"kind": kind, "stamp": START, "first": first, "last": first + count - 1}
+            | {"map": map_name, "track": track_id},
         )
 
 

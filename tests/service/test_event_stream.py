@@ -162,6 +162,34 @@ def test_a_filter_may_ask_where_it_happened(service: Service) -> None:
     assert service.get("/events", filter="place IS NULL")["events"] == []
 
 
+def test_the_feed_looks_places_up_for_those_who_ask(service: Service) -> None:
+    """Of events that came before somebody asked, and of those that come while somebody does."""
+    service.make_map()
+    inside = service.walk([(1, 1)])
+    feed = service.server_feed
+    by_place = f"{service.feed_url}?after=0&filter={quote('S_INTERSECTS(place, BBOX(0, 0, 2, 2))')}"
+    with connect(f"{service.feed_url}?after=0") as everything:
+        assert message(everything)["type"] == "hello"
+        service.happen(1, 2, track_id=inside)
+        service.happen(3, track_id=inside + 1)
+        assert numbers(events(everything, 3)) == [1, 2, 3]
+        assert {entry.event.place for entry in feed._ring} == {None}
+        with connect(by_place) as some:
+            assert message(some)["resumed"] == "replayed"
+            assert numbers(events(some, 2)) == [1, 2]
+            service.happen(4, track_id=inside + 1)
+            service.happen(5, track_id=inside)
+            assert numbers(events(some, 1)) == [5]
+            assert shapely.from_wkb(feed._ring[-1].event.place) == shapely.Point(1, 1)
+        assert numbers(events(everything, 2)) == [4, 5]
+    while feed._placing:
+        time.sleep(0.01)
+    service.happen(6, track_id=inside)
+    with connect(by_place.replace("after=0", "after=4")) as some:
+        assert message(some)["resumed"] == "replayed"
+        assert numbers(events(some, 2)) == [5, 6]
+
+
 def test_a_filter_that_takes_little_is_searched_for_in_pieces(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:

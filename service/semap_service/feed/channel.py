@@ -79,7 +79,8 @@ class Channels:
         channel, followers = self._open.get(key) or (Channel(self.feed, selection, form), 0)
         self._open[key] = (channel, followers + 1)
         try:
-            yield channel
+            with self.feed.placing(selection):
+                yield channel
         finally:
             channel, followers = self._open.pop(key)
             if followers > 1:

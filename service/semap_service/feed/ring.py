@@ -25,11 +25,11 @@ from functools import partial
 from typing import TypeVar
 
 import psycopg
-from sqlalchemy import Connection, Engine
+from sqlalchemy import Engine
 
 from semap.errors import SemapError, ServerUnavailable
-from semap.store.database import connect, open_engine, translated
-from semap.store.events import StoredEvent, list_events, newest_event, read_stretch
+from semap.store.database import connect, translated
+from semap.store.events import StoredEvent, newest_event, read_stretch, take_events
 from semap_service.feed.selection import Selection
 from semap_service.routes.event_document import event_json
 from semap_service.transaction import transaction
@@ -128,7 +128,9 @@ class Feed:
         self._floor: int | None = None
         self._news = asyncio.Event()
         self._listener: psycopg.Connection | None = None
-        self._reading: Connection | None = None
+        self._reading: psycopg.Connection | None = None
+        self._placing = 0
+        self._unplaced = 0
         self._own_thread = ThreadPoolExecutor(1, "feed")
         self._readers = ThreadPoolExecutor(READERS, "feed reader")
 
@@ -167,6 +169,15 @@ class Feed:
         finally:
             self.clients[kind] -= 1
 
+    @contextmanager
+    def placing(self, selection: Selection) -> Iterator[None]:
+        """Know the places of new events as long as somebody selects by them."""
+        self._placing += selection.asks_places
+        try:
+            yield
+        finally:
+            self._placing -= selection.asks_places
+
     async def read(self, after: int, limit: int, selection: Selection) -> Page:
         """At most `limit` selected events after a cursor.
 
@@ -175,8 +186,8 @@ class Feed:
         return self.known(after, limit, selection) or await self.read_past(after, limit, selection)
 
     def known(self, after: int, limit: int, selection: Selection) -> Page | None:
-        """The same from the ring; None where it has moved on."""
-        if self._floor is None or after < self._floor:
+        """The same from the ring; None where it has moved on, or where it lacks places that are asked for."""
+        if self._floor is None or after < max(self._floor, self._unplaced if selection.asks_places else 0):
             return None
         entries: list[Entry] = []
         for entry in self._ring[bisect_right(self._ring, after, key=_number) :]:
@@ -251,15 +262,18 @@ class Feed:
         if self._floor is None or newest < self.head:
             self._ring.clear()
             self._bytes = 0
-            self._floor = self.head = newest
+            self._floor = self.head = self._unplaced = newest
             self.beginnings += 1
             self._wake()
 
     async def _take_new(self) -> None:
         while True:
-            entries = await self._ask_alone(self._new_entries)
+            placed = self._placing > 0
+            entries = await self._ask_alone(partial(self._new_entries, placed))
             if entries:
                 self._append(entries)
+                if not placed:
+                    self._unplaced = self.head
                 if self.on_taken is not None:
                     age = datetime.now(UTC) - entries[-1].event.created_at
                     self.on_taken(max(age.total_seconds(), 0.0))
@@ -290,28 +304,24 @@ class Feed:
             self._listener = None
         if self._reading is not None:
             self._reading.close()
-            self._reading.engine.dispose()
             self._reading = None
 
     def _listen(self) -> psycopg.Connection:
         self._listener = connect(self._dsn, ROLE, application="semap feed")
         with translated():
             self._listener.execute("listen semap_event")
-            # each look is one statement and no other: all events wait for every further turn to the server
-            engine = open_engine(self._dsn, ROLE, application="semap feed", size=1)
-            self._reading = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+            self._reading = connect(self._dsn, ROLE, application="semap feed")
         return self._listener
 
-    def _own_connection(self) -> Connection:
+    def _newest(self) -> int:
+        with transaction(self._engine) as connection:
+            return newest_event(connection)
+
+    def _new_entries(self, placed: bool) -> list[Entry]:
         if self._reading is None:
             raise ServerUnavailable("The feed of events has no connection.")
-        return self._reading
-
-    def _newest(self) -> int:
-        return newest_event(self._own_connection())
-
-    def _new_entries(self) -> list[Entry]:
-        events = list_events(self._own_connection(), after=self.head, limit=BATCH)
+        # one statement and no other: all events wait for every further turn to the server
+        events = take_events(self._reading, after=self.head, limit=BATCH, placed=placed)
         return [Entry.of(event) for event in events]
 
 

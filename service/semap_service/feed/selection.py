@@ -10,6 +10,7 @@ import shapely
 
 from semap.cql2 import Kinds, check, parse
 from semap.cql2.evaluate import Subject, compile_filter
+from semap.cql2.expression import Property, parts
 from semap.cql2.logic import Code, code
 from semap.errors import InvalidInput
 from semap.store.events import StoredEvent
@@ -71,6 +72,11 @@ class Selection:
     filter: str | None = None
     maps: frozenset[str] | None = None
 
+    @property
+    def asks_places(self) -> bool:
+        """Whether the place of an event matters."""
+        return self.filter is not None and _asks_places(self.filter)
+
     def check(self) -> None:
         """raises InvalidInput for a filter that cannot be used"""
         if self.filter is not None:
@@ -92,6 +98,11 @@ def _compiled(text: str) -> Callable[[StoredEvent], bool]:
     expression = parse(text)
     check(expression, KINDS)
     return compile_filter(expression, _SUBJECT)
+
+
+@lru_cache(FILTERS_KEPT)
+def _asks_places(text: str) -> bool:
+    return any(isinstance(each, Property) and each.name == "place" for each in parts(parse(text)))
 
 
 def _property(name: str) -> Code:
