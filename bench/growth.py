@@ -7,6 +7,7 @@ regions  The building grows, with as many rooms at any place as before; 1,000 tr
 tracks   In 1,000 rooms, never more than 1,000 tracks of one source, which sends a frame (each of them
          once) in one batch. Fewer tracks send several frames in a batch, 1,000 states, as a replay does.
 tracks of one source  A frame of more than 1,000 tracks is sent in several batches.
+tracks in a frame     Each frame is one row of `track_state_frame`, however many tracks it has.
 stored   1,000 rooms and tracks; half of the states lie in the five days before, half in the partition that is
          written to, right before the first new one.
 
@@ -23,9 +24,10 @@ from pathlib import Path
 
 import numpy as np
 import psycopg
+from semap_ingest.state_frame import insert_frame
 
 from bench.copies import copied, without_slots
-from bench.crowd import RATE_HZ, Floor, build_map, walk
+from bench.crowd import RATE_HZ, Floor, build_map, framed, source_of, walk
 from bench.figure import Figure, Rows
 from bench.in_turn import BATCH, Case, compare, thousands
 from semap.picture.figure import FAINT, TRACKS, new_figure, save
@@ -82,6 +84,7 @@ def measure(dsn: str, extent: Extent, picture: Path = PICTURE) -> Rows:
         "regions": extent.regions,
         "tracks": extent.tracks,
         "tracks of one source": [size for size in extent.tracks if size >= BATCH],
+        "tracks in a frame": [size for size in extent.tracks if size >= BATCH],
         "stored": extent.stored,
     }
     rows: Rows = []
@@ -115,6 +118,16 @@ def _of_one_source(connection: psycopg.Connection, size: int, extent: Extent) ->
     return _case(connection, size, ROOMS, size, size, extent)
 
 
+def _in_a_frame(connection: psycopg.Connection, size: int, extent: Extent) -> Case:
+    map_id, track_ids = build_map(connection, "floor", [], size, size)
+    put_regions(connection, map_id, [room.wkb_hex for room in ROOMS.rooms()])
+    connection.execute("select semap.ensure_partitions(array[%s::date])", [FIRST[:10]])
+    per_round = max(round(extent.batches * BATCH / size), min(round(RATE_HZ), extent.batches))
+    places = walk(ROOMS, size, (extent.rounds + 1) * per_round, pause_s=0)
+    frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
+    return Case({"size": size}, connection, iter(frames), per_round, insert_frame, size)
+
+
 def of_stored(connection: psycopg.Connection, size: int, extent: Extent) -> Case:
     case = _case(connection, size, ROOMS, BATCH, BATCH, extent)
     track_ids = [each for (each,) in connection.execute("select track_id from semap.track order by 1")]
@@ -131,6 +144,7 @@ SERIES: dict[str, Build] = {
     "regions": _of_regions,
     "tracks": _of_tracks,
     "tracks of one source": _of_one_source,
+    "tracks in a frame": _in_a_frame,
     "stored": of_stored,
 }
 
@@ -159,7 +173,7 @@ def put_regions(connection: psycopg.Connection, map_id: int, areas: Sequence[str
 def draw(rows: Rows, path: Path) -> None:
     """The cost of a state over the size, a panel for each series: medians, least and most."""
     titles = list(dict.fromkeys(str(row["grows"]) for row in rows))
-    canvas = new_figure(10, 2.8, path)
+    canvas = new_figure(12, 2.8, path)
     for number, (title, axes) in enumerate(
         zip(titles, canvas.subplots(1, len(titles), squeeze=False)[0], strict=True)
     ):

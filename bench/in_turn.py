@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import psycopg
@@ -23,18 +24,26 @@ SETTLE = """
 """
 
 
+def copy_states(cursor: psycopg.Cursor, batch: bytes) -> None:
+    with cursor.copy(COPY_STATES) as copy:
+        copy.write(batch)
+
+
 @dataclass(frozen=True)
 class Case:
     """What is to be compared, ready to take in states.
 
     row      what the table says of it
-    batches  of 1,000 states, for as many rounds as are measured and one more
+    batches  for as many rounds as are measured and one more
+    send     what sends a batch, and of how many states it is
     """
 
     row: dict[str, object]
     connection: psycopg.Connection
-    batches: Iterator[bytes]
+    batches: Iterator[Any]
     per_round: int
+    send: Callable[[psycopg.Cursor, Any], None] = copy_states
+    states: int = BATCH
 
     def feed(self) -> list[float]:
         """Seconds of each batch of the next round."""
@@ -42,10 +51,13 @@ class Case:
         with self.connection.cursor() as cursor:
             for batch in islice(self.batches, self.per_round):
                 started_s = time.perf_counter()
-                with cursor.copy(COPY_STATES) as copy:
-                    copy.write(batch)
+                self.send(cursor, batch)
                 seconds.append(time.perf_counter() - started_s)
         return seconds
+
+    def us(self, seconds: Sequence[float]) -> float:
+        """What a state took of these batches."""
+        return 1e6 * sum(seconds) / (self.states * len(seconds))
 
     def changes(self) -> int:
         (count,) = self.connection.execute("select count(*) from semap.relation_change").fetchone() or (0,)
@@ -78,17 +90,15 @@ def compare(cases: Sequence[Case], rounds: int) -> Rows:
     return [
         {
             **case.row,
-            "us_per_state": figure((_us(turn[number]) for turn in turns), 2),
-            "us_in_the_quietest_fifth": figure((_us(_quietest(turn[number])) for turn in turns), 2),
-            "times_the_first": figure((_us(turn[number]) / _us(turn[0]) for turn in turns), 2),
-            "changes_per_1000_states": round(made[number] / (rounds * case.per_round), 1),
+            "us_per_state": figure((case.us(turn[number]) for turn in turns), 2),
+            "us_in_the_quietest_fifth": figure((case.us(_quietest(turn[number])) for turn in turns), 2),
+            "times_the_first": figure((case.us(turn[number]) / cases[0].us(turn[0]) for turn in turns), 2),
+            "changes_per_1000_states": round(
+                1000 * made[number] / (rounds * case.per_round * case.states), 1
+            ),
         }
         for number, case in enumerate(cases)
     ]
-
-
-def _us(seconds: Sequence[float]) -> float:
-    return 1e6 * sum(seconds) / (BATCH * len(seconds))
 
 
 def _quietest(seconds: Sequence[float]) -> list[float]:

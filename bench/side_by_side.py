@@ -4,24 +4,27 @@ Rounds alternate: each way takes in the same frames before the next frames are b
 What a way finds in each round, as which track began or ended to be in which room and when, must equal what
 semap's triggers find, or the benchmark fails.
 
-semap and the peers on PostGIS are one connection to one server with semap's own settings and commit each
-frame durably. What else a peer does and leaves out is said at the top of its file.
+semap takes them as frames, which become rows after the benchmark, and as rows on a map of its own. It and the
+peers on PostGIS are one connection to one server with semap's own settings and commit each frame durably. What
+else a peer does and leaves out is said at the top of its file.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 import psycopg
 import shapely
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
+from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import Crowd, Floor, build_map, walk
 from bench.figure import figure, once
+from bench.in_turn import copy_states
 from bench.peers import Changes, Fed, Named, Peer, PeerMissing, ordered, peers
 from semap.store.database import connect
 
@@ -49,7 +52,9 @@ def compare(
     missing: list[dict[str, object]] = []
     with connect(dsn) as connection, ExitStack() as stack:
         triggers, crowd = begin_triggers(connection, name, rooms, places, frames)
-        ways: dict[str, Peer] = {"semap": triggers}
+        by_rows, _ = begin_triggers(connection, f"{name}, as rows", rooms, places, frames, as_rows=True)
+        by_rows.stand_for(crowd)
+        ways: dict[str, Peer] = {"semap": triggers, "semap by rows": by_rows}
         for file, module in peers().items():
             try:
                 ways[file] = stack.enter_context(module.begin(dsn, crowd, frames))
@@ -110,40 +115,56 @@ def begin_triggers(
     rooms: list[shapely.Polygon],
     places: NDArray[np.float64],
     frames: int,
+    *,
+    as_rows: bool = False,
 ) -> tuple[Triggers, Crowd]:
     """semap's triggers on a new map after the first round, and the crowd whose tracks are known there."""
     map_id, track_ids = build_map(connection, name, rooms, places.shape[1])
     connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
     crowd = Crowd(rooms, track_ids, places, FIRST_US)
-    return Triggers(connection, map_id, crowd, frames), crowd
+    return Triggers(connection, map_id, crowd, frames, as_rows=as_rows), crowd
 
 
 class Triggers:
     """semap's own, as a peer."""
 
-    named = Named("semap's triggers")
-
-    def __init__(self, connection: psycopg.Connection, map_id: int, crowd: Crowd, frames: int) -> None:
+    def __init__(
+        self,
+        connection: psycopg.Connection,
+        map_id: int,
+        crowd: Crowd,
+        frames: int,
+        *,
+        as_rows: bool = False,
+    ) -> None:
+        self.named = Named("semap's triggers" + (", as rows" if as_rows else ""))
         self._connection = connection
         self._map_id = map_id
-        self._crowd = crowd
+        self._send: Callable[[psycopg.Cursor, Any], None] = copy_states if as_rows else insert_frame
+        self._batches: Sequence[Any] = crowd.batches if as_rows else crowd.frames(connection)
+        self._first_id = int(crowd.track_ids[0])
+        self._shift = 0
         self._last_change = 0
         self.begun = self.feed(0, frames).changes
         connection.execute("vacuum analyze semap.track_now")
 
+    def stand_for(self, crowd: Crowd) -> None:
+        """Call the tracks as this crowd does; the ids of both follow on one another."""
+        self._shift = int(crowd.track_ids[0]) - self._first_id
+        self.begun[:, 0] += self._shift
+
     def feed(self, first: int, count: int) -> Fed:
-        batches = self._crowd.batches[first : first + count]
+        batches = self._batches[first : first + count]
         started_s = time.perf_counter()
         with self._connection.cursor() as cursor:
             for batch in batches:
-                with cursor.copy(COPY_STATES) as copy:
-                    copy.write(batch)
+                self._send(cursor, batch)
         seconds = time.perf_counter() - started_s
         rows = self._connection.execute(
-            "select change_id, track_id, substring(instance_name from '\\d+')::int, (kind = 'began')::int,"
-            " (extract(epoch from stamp) * 1e6)::bigint"
+            "select change_id, track_id + %s, substring(instance_name from '\\d+')::int,"
+            " (kind = 'began')::int, (extract(epoch from stamp) * 1e6)::bigint"
             " from semap.relation_change where map_id = %s and change_id > %s",
-            [self._map_id, self._last_change],
+            [self._shift, self._map_id, self._last_change],
         ).fetchall()
         self._last_change = max((row[0] for row in rows), default=self._last_change)
         return Fed(seconds, ordered([row[1:] for row in rows]))

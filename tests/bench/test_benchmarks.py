@@ -92,7 +92,7 @@ def test_growth_measures_every_size_and_draws_it(
     rows = growth.measure(database, extent, tmp_path / "growth.png")
     assert [(row["grows"], row["size"]) for row in rows] == [
         ("regions", 2), ("regions", 6), ("tracks", 10), ("tracks", 1_000),
-        ("tracks of one source", 1_000), ("stored", 0), ("stored", 12_000),
+        ("tracks of one source", 1_000), ("tracks in a frame", 1_000), ("stored", 0), ("stored", 12_000),
     ]  # fmt: skip
     for each in _figures(rows, "us_per_state"):
         assert len(each.rounds) == 2

@@ -107,6 +107,7 @@ def test_a_peer_that_is_not_here_is_a_row_that_says_so(
     changes = sum(map(len, _oracle(_crowd())[1:]))
     assert [(row["way"], row.get("changes"), row.get("note")) for row in rows] == [
         ("semap's triggers", changes, None),
+        ("semap's triggers, as rows", changes, None),
         ("row trigger on PostGIS", changes, None),
         ("absent", None, "It is on holiday."),
     ]
