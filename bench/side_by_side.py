@@ -4,9 +4,9 @@ Rounds alternate: each way takes in the same frames before the next frames are b
 What a way finds in each round, as which track began or ended to be in which room and when, must equal what
 semap's triggers find, or the benchmark fails.
 
-semap takes them as frames, which become rows after the benchmark, and as rows on a map of its own. It and the
-peers on PostGIS are one connection to one server with semap's own settings and commit each frame durably. What
-else a peer does and leaves out is said at the top of its file.
+semap takes them as frames, which become rows later, and as rows on a map of its own. It and the peers on
+PostGIS are one connection to one server with semap's own settings and commit each frame durably. What else a
+peer does and leaves out is said at the top of its file.
 """
 
 from __future__ import annotations
