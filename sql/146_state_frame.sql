@@ -206,10 +206,12 @@ begin
     and coalesce(0 < all (new.length_m) and 1e4 >= all (new.length_m), true)
     and coalesce(0 < all (new.width_m) and 1e4 >= all (new.width_m), true)
     and (new.std_across_m is null and new.std_yaw_rad is null or semap.are_ellipses(new))
-    -- these are taken by their place
+    -- values are taken by their place
     and coalesce(1 = all (array[
+      array_ndims(new.x_m), array_ndims(new.y_m), array_ndims(new.z_m), array_ndims(new.std_m),
       array_ndims(new.heading_rad), array_ndims(new.speed_mps), array_ndims(new.length_m), array_ndims(new.width_m),
       array_ndims(new.std_across_m), array_ndims(new.std_yaw_rad),
+      array_lower(new.x_m, 1), array_lower(new.y_m, 1), array_lower(new.z_m, 1), array_lower(new.std_m, 1),
       array_lower(new.heading_rad, 1), array_lower(new.speed_mps, 1), array_lower(new.length_m, 1), array_lower(new.width_m, 1),
       array_lower(new.std_across_m, 1), array_lower(new.std_yaw_rad, 1)]), true)) is true;
 

@@ -166,10 +166,15 @@ def list_events_between(
 
 def newest_event(connection: Connection) -> int:
     """The number of the newest event; 0 where there was none. It does not go back when a map is deleted."""
-    made = select(func.max(progress.c.event_seq)).scalar_subquery()
-    there = select(func.max(event.c.seq)).scalar_subquery()
     with translated():
-        return int(connection.scalar(select(func.greatest(made, there, 0))) or 0)
+        return int(connection.scalar(_NEWEST) or 0)
+
+
+def take_newest(connection: psycopg.Connection) -> int:
+    """The same for those who take events."""
+    with translated():
+        row = connection.execute(_NEWEST_TEXT).fetchone()
+    return int(row[0]) if row else 0
 
 
 def kept_events(connection: Connection) -> Kept:
@@ -248,4 +253,13 @@ _UNPLACED = NEXT_EVENTS.with_only_columns(
     *(null() if column is _PLACE else column for column in EVENTS.selected_columns)
 )
 _DRIVER = PGDialect_psycopg()  # type: ignore[no-untyped-call]  # of a library without types there
-_PLACED_TEXT, _UNPLACED_TEXT = (str(each.compile(dialect=_DRIVER)) for each in (NEXT_EVENTS, _UNPLACED))
+_NEWEST = select(
+    func.greatest(
+        select(func.max(progress.c.event_seq)).scalar_subquery(),
+        select(func.max(event.c.seq)).scalar_subquery(),
+        literal_column("0"),
+    )
+)
+_PLACED_TEXT, _UNPLACED_TEXT, _NEWEST_TEXT = (
+    str(each.compile(dialect=_DRIVER)) for each in (NEXT_EVENTS, _UNPLACED, _NEWEST)
+)

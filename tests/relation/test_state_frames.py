@@ -183,16 +183,23 @@ def test_a_track_that_was_handed_over_has_its_states_once(world: World, tracks: 
     assert stored(world) == 2 * 8
 
 
-@pytest.mark.parametrize("given", ["'[0:2]={0.1,0.2,0.3}'", "'{{0.1,0.2,0.3}}'"])
-def test_arrays_of_any_bounds_mean_the_same(world: World, tracks: list[int], given: str) -> None:
-    world.run(
-        "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, heading_rad)"
-        f" values (%s, %s, %s, '{{5,5,5}}', '{{2,2,2}}', {given})",
-        to_datetime(3 * FRAME_US), world.source_id, tracks,
-    )  # fmt: skip
-    headings = "select round(heading_rad::numeric, 1)::float8 from semap.{} where x_m = 5 order by track_id"
-    assert world.rows(headings.format("track_now")) == [(0.1,), (0.2,), (0.3,)]
-    assert world.rows(headings.format("stored_state")) == [(0.1,), (0.2,), (0.3,)]
+@pytest.mark.parametrize("given", ["[0:2]={0.1,0.2,0.3}", "[2:4]={0.1,0.2,0.3}", "{{0.1,0.2,0.3}}"])
+@pytest.mark.parametrize("column", ["x_m", "y_m", "z_m", "std_m", "heading_rad", "speed_mps", "length_m"])
+@pytest.mark.parametrize("known", [False, True], ids=["first seen now", "known before"])
+def test_arrays_of_any_bounds_mean_the_same(
+    world: World, tracks: list[int], column: str, given: str, known: bool
+) -> None:
+    arrays = {"x_m": "{5,5,5}", "y_m": "{2,2,2}"}
+    insert = "insert into semap.track_state_frame (stamp, source_id, track_ids, {}) values (%s, %s, %s, {})"
+    for frame, own in enumerate(["{0.5,0.5,0.5}"] * 2 * known + [given], start=3):
+        values = arrays | {column: own}
+        world.run(
+            insert.format(", ".join(values), ", ".join(["%s"] * len(values))),
+            to_datetime(frame * FRAME_US), world.source_id, tracks, *values.values(),
+        )  # fmt: skip
+    asked = f"select round({column}::numeric, 1)::float8 from semap.{{}} where stamp = %s order by track_id"
+    for table in ("track_now", "stored_state"):
+        assert world.rows(asked.format(table), to_datetime(frame * FRAME_US)) == [(0.1,), (0.2,), (0.3,)]
 
 
 def test_a_track_that_is_deleted_ends_where_it_was_seen_last(world: World, tracks: list[int]) -> None:

@@ -5,6 +5,7 @@ import json
 import re
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import timedelta
 from types import SimpleNamespace
 from urllib.parse import quote
@@ -200,6 +201,21 @@ def test_a_wait_outlasts_the_events_that_its_reader_knows() -> None:
         assert not waiting.done()
         feed._append([entry(2)])
         assert await waiting
+
+    asyncio.run(play())
+
+
+def test_the_feed_needs_no_connection_of_those_that_requests_have(database: str) -> None:
+    async def play() -> None:
+        # one that cannot connect, as one whose connections are all taken
+        feed = Feed(create_engine("postgresql+psycopg://localhost:1/nothing"), database)
+        following = asyncio.create_task(feed.run())
+        async with asyncio.timeout(10):
+            while not feed.connected:
+                await asyncio.sleep(0.01)
+        following.cancel()
+        with suppress(asyncio.CancelledError):
+            await following
 
     asyncio.run(play())
 

@@ -29,7 +29,7 @@ from sqlalchemy import Engine
 
 from semap.errors import SemapError, ServerUnavailable
 from semap.store.database import connect, translated
-from semap.store.events import StoredEvent, newest_event, read_stretch, take_events
+from semap.store.events import StoredEvent, newest_event, read_stretch, take_events, take_newest
 from semap_service.feed.selection import Selection
 from semap_service.routes.event_document import event_json
 from semap_service.transaction import transaction
@@ -313,15 +313,18 @@ class Feed:
             self._reading = connect(self._dsn, ROLE, application="semap feed")
         return self._listener
 
-    def _newest(self) -> int:
-        with transaction(self._engine) as connection:
-            return newest_event(connection)
-
-    def _new_entries(self, placed: bool) -> list[Entry]:
+    def _own_connection(self) -> psycopg.Connection:
+        # not one of the pool: whoever follows does not wait for slow requests
         if self._reading is None:
             raise ServerUnavailable("The feed of events has no connection.")
+        return self._reading
+
+    def _newest(self) -> int:
+        return take_newest(self._own_connection())
+
+    def _new_entries(self, placed: bool) -> list[Entry]:
         # one statement and no other: all events wait for every further turn to the server
-        events = take_events(self._reading, after=self.head, limit=BATCH, placed=placed)
+        events = take_events(self._own_connection(), after=self.head, limit=BATCH, placed=placed)
         return [Entry.of(event) for event in events]
 
 
