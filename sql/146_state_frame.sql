@@ -124,10 +124,10 @@ language plpgsql set random_page_cost = 0.5 as $$
 declare
   v_tracks      constant integer := cardinality(p_frame.track_ids);
   v_map_id      integer;
-  v_may_follow  boolean; -- no calm is so wide that the gate for outliers could not do without the exact place
+  v_may_follow  boolean;
   v_count       semap.source_count;
 begin
-  select s.map_id, s.jump_m >= 3 * m.cell_m or s.jump_m is null into v_map_id, v_may_follow
+  select s.map_id, semap.may_place_late(s.source_id, s.map_id, m.cell_m) into v_map_id, v_may_follow
   from semap.source s join semap.map m using (map_id) where s.source_id = p_frame.source_id;
   if v_map_id is null then
     raise exception 'There is no source %.', p_frame.source_id
