@@ -24,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import psycopg
+from numpy.typing import NDArray
 from semap_ingest.state_frame import insert_frame
 
 from bench.copies import copied, without_slots
@@ -119,9 +120,7 @@ def _of_one_source(connection: psycopg.Connection, size: int, extent: Extent) ->
 
 
 def _in_a_frame(connection: psycopg.Connection, size: int, extent: Extent) -> Case:
-    map_id, track_ids = build_map(connection, "floor", [], size, size)
-    put_regions(connection, map_id, [room.wkb_hex for room in ROOMS.rooms()])
-    connection.execute("select semap.ensure_partitions(array[%s::date])", [FIRST[:10]])
+    track_ids = _building(connection, ROOMS, size, size)
     per_round = max(round(extent.batches * BATCH / size), min(round(RATE_HZ), extent.batches))
     places = walk(ROOMS, size, (extent.rounds + 1) * per_round, pause_s=0)
     frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
@@ -153,16 +152,24 @@ def _case(
     connection: psycopg.Connection, size: int, floor: Floor, tracks: int, per_source: int, extent: Extent
 ) -> Case:
     """Rooms, tracks, and the states to come: at least a second a round, in which all places are written."""
+    track_ids = _building(connection, floor, tracks, per_source)
+    per_round = max(extent.batches, round(RATE_HZ) * tracks // BATCH) if tracks > BATCH else extent.batches
+    frames = -(-(extent.rounds + 1) * per_round * BATCH // tracks)
+    places = walk(floor, tracks, frames, pause_s=0)
+    return Case({"size": size}, connection, thousands(track_ids, places, FIRST_US), per_round)
+
+
+def _building(
+    connection: psycopg.Connection, floor: Floor, tracks: int, per_source: int
+) -> NDArray[np.int64]:
+    """Rooms and tracks, whose ids it gives, and partitions for all days."""
     map_id, track_ids = build_map(connection, "floor", [], tracks, per_source)
     put_regions(connection, map_id, [room.wkb_hex for room in floor.rooms()])
     connection.execute(
         "select semap.ensure_partitions(array(select %s::date - n from generate_series(0, %s) n))",
         [FIRST[:10], PAST_DAYS],
     )
-    per_round = max(extent.batches, round(RATE_HZ) * tracks // BATCH) if tracks > BATCH else extent.batches
-    frames = -(-(extent.rounds + 1) * per_round * BATCH // tracks)
-    places = walk(floor, tracks, frames, pause_s=0)
-    return Case({"size": size}, connection, thousands(track_ids, places, FIRST_US), per_round)
+    return track_ids
 
 
 def put_regions(connection: psycopg.Connection, map_id: int, areas: Sequence[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import psycopg
 from numpy.typing import NDArray
 from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import pack_states
+from semap_ingest.state_copy import copy_rows, pack_states
 
 from bench.crowd import frame_stamps
 from bench.figure import Rows, figure
@@ -24,9 +25,7 @@ SETTLE = """
 """
 
 
-def copy_states(cursor: psycopg.Cursor, batch: bytes) -> None:
-    with cursor.copy(COPY_STATES) as copy:
-        copy.write(batch)
+copy_states = partial(copy_rows, COPY_STATES)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ import numpy as np
 import psycopg
 from numpy.typing import NDArray
 from semap_ingest.replay import COPY_STATES
+from semap_ingest.state_copy import copy_rows
 from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk
@@ -93,7 +94,7 @@ def _bare(dsn: str, tracks: int, places: NDArray[np.float64]) -> Kept:
     connection = connect(dsn)
     connection.execute("drop table if exists bare")
     connection.execute(BARE_TABLE)
-    return Kept(connection, partial(_copy, COPY_BARE), batches(np.arange(tracks), places, FIRST_US))
+    return Kept(connection, partial(copy_rows, COPY_BARE), batches(np.arange(tracks), places, FIRST_US))
 
 
 def _triggers(
@@ -108,12 +109,7 @@ def _triggers(
     if in_frames:
         source_id = source_of(connection, track_ids)
         return Kept(connection, insert_frame, framed(source_id, track_ids, places, FIRST_US))
-    return Kept(connection, partial(_copy, COPY_STATES), batches(track_ids, places, FIRST_US))
-
-
-def _copy(statement: str, cursor: psycopg.Cursor, data: bytes) -> None:
-    with cursor.copy(statement) as copy:
-        copy.write(data)
+    return Kept(connection, partial(copy_rows, COPY_STATES), batches(track_ids, places, FIRST_US))
 
 
 def _rounds(values: Sequence[float]) -> list[Sequence[float]]:

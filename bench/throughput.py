@@ -10,11 +10,13 @@ measured after each round, and so is the rate if one process did both.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import psycopg
 from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import COLUMNS
+from semap_ingest.state_copy import COLUMNS, copy_rows
 from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import Floor, batches, build_map, framed, source_of, walk
@@ -48,16 +50,16 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         rates: dict[str, list[float]] = {"bare": [], "rows": [], "frames": [], "both": []}
         as_rows = batches(track_ids, places, FIRST_US)
         as_frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
-        _copy(connection, COPY_STATES, as_rows[:FRAMES])
+        _rate(connection, partial(copy_rows, COPY_STATES), as_rows[:FRAMES])
         connection.execute("vacuum analyze semap.track_now")
         before = _changes(connection)
         later_us = []
         for number in range(1, 2 * ROUNDS, 2):
             some, others = (slice(each * FRAMES, (each + 1) * FRAMES) for each in (number, number + 1))
             connection.execute("truncate bare")
-            rates["bare"].append(_copy(connection, COPY_BARE, as_rows[some]))
-            rates["rows"].append(_copy(connection, COPY_STATES, as_rows[some]))
-            rates["frames"].append(_insert(connection, as_frames[others]))
+            rates["bare"].append(_rate(connection, partial(copy_rows, COPY_BARE), as_rows[some]))
+            rates["rows"].append(_rate(connection, partial(copy_rows, COPY_STATES), as_rows[some]))
+            rates["frames"].append(_rate(connection, insert_frame, as_frames[others]))
             later_us.append(_unfold_us(connection))
             rates["both"].append(1e6 / (1e6 / rates["frames"][-1] + later_us[-1]))
         changes = _changes(connection) - before
@@ -90,21 +92,14 @@ def _unfold_us(connection: psycopg.Connection) -> float:
     return 1e6 * seconds / (after - before)
 
 
-def _copy(connection: psycopg.Connection, statement: str, data: list[bytes]) -> float:
+def _rate(
+    connection: psycopg.Connection, send: Callable[[psycopg.Cursor, Any], None], batches: Sequence[object]
+) -> float:
     started_s = time.perf_counter()
     with connection.cursor() as cursor:
-        for batch in data:
-            with cursor.copy(statement) as copy:
-                copy.write(batch)
-    return len(data) * TRACKS / (time.perf_counter() - started_s)
-
-
-def _insert(connection: psycopg.Connection, frames: list[Sequence[object]]) -> float:
-    started_s = time.perf_counter()
-    with connection.cursor() as cursor:
-        for frame in frames:
-            insert_frame(cursor, frame)
-    return len(frames) * TRACKS / (time.perf_counter() - started_s)
+        for batch in batches:
+            send(cursor, batch)
+    return len(batches) * TRACKS / (time.perf_counter() - started_s)
 
 
 def _changes(connection: psycopg.Connection) -> int:

@@ -207,13 +207,10 @@ begin
     and coalesce(0 < all (new.width_m) and 1e4 >= all (new.width_m), true)
     and (new.std_across_m is null and new.std_yaw_rad is null or semap.are_ellipses(new))
     -- values are taken by their place
-    and coalesce(1 = all (array[
-      array_ndims(new.x_m), array_ndims(new.y_m), array_ndims(new.z_m), array_ndims(new.std_m),
-      array_ndims(new.heading_rad), array_ndims(new.speed_mps), array_ndims(new.length_m), array_ndims(new.width_m),
-      array_ndims(new.std_across_m), array_ndims(new.std_yaw_rad),
-      array_lower(new.x_m, 1), array_lower(new.y_m, 1), array_lower(new.z_m, 1), array_lower(new.std_m, 1),
-      array_lower(new.heading_rad, 1), array_lower(new.speed_mps, 1), array_lower(new.length_m, 1), array_lower(new.width_m, 1),
-      array_lower(new.std_across_m, 1), array_lower(new.std_yaw_rad, 1)]), true)) is true;
+    and coalesce('[1:' || v_states || ']' = all (array[
+      array_dims(new.x_m), array_dims(new.y_m), array_dims(new.z_m), array_dims(new.std_m), array_dims(new.heading_rad),
+      array_dims(new.speed_mps), array_dims(new.length_m), array_dims(new.width_m), array_dims(new.std_across_m),
+      array_dims(new.std_yaw_rad)]), true)) is true;
 
   if not v_as_rows then
     -- all of these tracks are known, live, and were seen before: what is left of the comparison in sql/135

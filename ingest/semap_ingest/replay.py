@@ -26,7 +26,7 @@ from semap.store.database import connect, one_transaction, translated
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
-from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, copy_rows, pack_states
 from semap_ingest.state_frame import insert_frame, pack_frame
 from semap_ingest.track_file import Tracks
 
@@ -274,12 +274,7 @@ def _writer(
         frame = pack_frame(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
         return partial(insert_frame, row=frame)
     data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, ellipse=ellipse)
-    return partial(_copy, statement=COPY_ELLIPSES if ellipse else COPY_STATES, data=data)
-
-
-def _copy(cursor: psycopg.Cursor, statement: str, data: bytes) -> None:
-    with cursor.copy(statement) as copy:
-        copy.write(data)
+    return partial(copy_rows, COPY_ELLIPSES if ellipse else COPY_STATES, data=data)
 
 
 def _watermark_us(tracks: Tracks, done: int) -> int:

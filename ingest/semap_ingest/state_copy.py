@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import psycopg
 from numpy.typing import NDArray
 
 COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last")
@@ -79,6 +80,12 @@ def pack_states(
         parts.append(_pack({name: value[rows] for name, value in values.items()}, missing))
     parts.append(TRAILER)
     return b"".join(parts)
+
+
+def copy_rows(statement: str, cursor: psycopg.Cursor[Any], data: bytes) -> None:
+    """Send a whole COPY, by a statement that takes it."""
+    with cursor.copy(statement) as copy:
+        copy.write(data)
 
 
 def _pack(values: Mapping[str, NDArray[Any]], nulls: set[str]) -> bytes:
