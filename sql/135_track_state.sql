@@ -145,6 +145,7 @@ begin
     set track_states = track_states + v_states, received_at = clock_timestamp(),
         frame_stamp = v_last, frame_tracks = v_states - v_ended, frame_track_ids = null
     where source_id = v_source_id;
+    perform semap.note_newest(v_source_id, v_last);
     return null;
   end if;
 
@@ -167,6 +168,7 @@ begin
       frame_stamp = case when v_is_frame then v_last else c.frame_stamp end,
       placed_stamp = case when v_is_frame then v_last else c.placed_stamp end,
       frame_tracks = case when v_is_frame then v_states - v_ended end, frame_track_ids = null;
+  perform semap.note_newest(v_source_id, v_last);
   return null;
 end $$;
 comment on function semap.track_state_inserted is

@@ -233,6 +233,7 @@ begin
   end if;
   if v_as_rows then
     perform semap.take_frame_as_rows(new);
+    perform semap.note_newest(new.source_id, new.stamp, true);
     return null;
   end if;
 
@@ -257,6 +258,7 @@ begin
   set track_states = track_states + v_states, received_at = clock_timestamp(),
       frame_stamp = new.stamp, placed_stamp = v_before.placed_stamp
   where source_id = new.source_id;
+  perform semap.note_newest(new.source_id, new.stamp, true);
   return new;
 end $$;
 comment on function semap.state_frame_arrives is

@@ -83,14 +83,15 @@ declare
   v_first   integer;
   v_last    integer;
   v_states  bigint;
+  v_newest  timestamptz;
 begin
-  select min(source_id), max(source_id), count(*) into v_first, v_last, v_states from new_state;
+  select min(source_id), max(source_id), count(*), max(stamp) into v_first, v_last, v_states, v_newest from new_state;
   if v_first <> v_last then
     raise exception 'The states of one statement come from more than one source.'
       using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
   end if;
   if v_states > 0 then
-    perform semap.count_received(v_first, p_object_states => v_states);
+    perform semap.count_received(v_first, v_newest, p_object_states => v_states);
   end if;
   return null;
 end $$;

@@ -135,11 +135,13 @@ declare
   v_source_id   integer;
   v_is_foreign  boolean;
   v_lines       bigint;
+  v_newest      timestamptz;
   v_map_id      integer;
   v_late        bigint;
   v_changed     semap.door_now[];
 begin
-  select min(source_id), min(source_id) <> max(source_id), count(*) into v_source_id, v_is_foreign, v_lines
+  select min(source_id), min(source_id) <> max(source_id), count(*), max(stamp)
+  into v_source_id, v_is_foreign, v_lines, v_newest
   from new_line;
   if v_source_id is null then
     return null;
@@ -155,7 +157,7 @@ begin
     raise exception 'There is no source %.', v_source_id
       using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
   end if;
-  perform semap.count_received(v_source_id, p_lines => v_lines);
+  perform semap.count_received(v_source_id, v_newest, p_lines => v_lines);
   perform semap.hold_doors(v_map_id);
 
   with seen as materialized (

@@ -40,7 +40,7 @@ grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
 grant execute on function semap.ensure_partitions, semap.hand_over_tracks to semap_ingest;
 
-grant execute on function semap.unfold_frames, semap.settle_silent_sources, semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
+grant execute on function semap.unfold_frames, semap.settle_silent_sources, semap.complete_silent_sources, semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
 grant execute on function
   semap.ensure_partitions, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
 to semap_worker;

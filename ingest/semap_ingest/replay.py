@@ -160,7 +160,8 @@ def _register(
             raise NotFound("map", plan.map_name, "List them: semap map list")
         map_id, map_uid = row
         connection.execute(
-            "insert into semap.source (map_id, name) values (%s, %s) on conflict (map_id, name) do nothing",
+            "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity')"
+            " on conflict (map_id, name) do nothing",
             [map_id, plan.source],
         )
         source_id, late = _one(

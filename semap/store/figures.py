@@ -37,7 +37,7 @@ WORKER = text("""
 """)
 RECEIVED = text("""
     select m.name, s.name, c.track_states, c.lines, c.object_states, s.late_states, c.received_at,
-           nullif(s.watermark, '-infinity'), s.idle or s.ended
+           nullif(coalesce(s.watermark, s.newest_stamp), '-infinity'), s.idle or s.ended
     from semap.source_count c join semap.source s using (source_id) join semap.map m using (map_id)
     order by c.received_at desc limit :limit
 """)

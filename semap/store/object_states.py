@@ -107,8 +107,8 @@ def add_object_states(
         if watermark is not None:
             connection.execute(
                 update(source)
-                .where(source.c.source_id == source_id, source.c.watermark < watermark)
-                .values(watermark=watermark)
+                .where(source.c.source_id == source_id)
+                .values(watermark=func.greatest(source.c.watermark, watermark))
             )
     return tuple(sorted(added))
 

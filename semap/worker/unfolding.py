@@ -41,6 +41,7 @@ def _follow(dsn: str, stop: Signal) -> None:
     with connect(dsn, ROLE, application="semap work: frames") as connection:
         while not stop.wait(EACH_S):
             with translated():
+                connection.execute("select semap.complete_silent_sources()")
                 connection.execute("select semap.settle_silent_sources()")
                 sources = connection.execute(
                     "select distinct source_id from semap.track_state_frame"

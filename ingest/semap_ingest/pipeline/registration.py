@@ -104,7 +104,8 @@ def _require_no_other(connection: psycopg.Connection, persons_id: int, source: s
 
 def _source(connection: psycopg.Connection, map_id: int, name: str) -> int:
     connection.execute(
-        "insert into semap.source (map_id, name) values (%s, %s) on conflict (map_id, name) do nothing",
+        "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity')"
+        " on conflict (map_id, name) do nothing",
         [map_id, name],
     )
     (source_id,) = _row(

@@ -1,0 +1,44 @@
+"""Up to where all states of a source, and of a map, have come; and up to where pairs follow them."""
+
+from alembic import op
+
+revision = "0023"
+down_revision = "0022"
+
+STATEMENTS = (
+    """
+    alter table semap.source
+      alter column watermark drop not null,
+      alter column watermark drop default,
+      add column newest_stamp timestamptz,
+      add column newest_is_whole boolean not null default false
+    """,
+    "update semap.source set watermark = null where watermark = '-infinity'",
+    """
+    comment on column semap.source.watermark is
+      'The source has given all its states up to here, and gives later ones from now on; null where it says nothing of the kind.'
+    """,
+    """
+    comment on column semap.source.newest_stamp is
+      'Where it says no watermark: the newest stamp of its states, before which all of them are taken to have come.'
+    """,
+    """
+    comment on column semap.source.newest_is_whole is
+      'Whether all states at the newest stamp are taken to have come: a frame is whole, and so is what is followed by silence.'
+    """,
+    """
+    create table semap.pair_progress (
+      map_id   integer primary key references semap.map on delete cascade,
+      through  timestamptz not null
+    )
+    """,
+    """
+    comment on table semap.pair_progress is
+      'Up to which stamp the pairs of a map have been followed; where tracks are in pair_member is of that moment.'
+    """,
+)
+
+
+def upgrade() -> None:
+    for statement in STATEMENTS:
+        op.execute(statement)
