@@ -248,10 +248,10 @@ comment on function semap.record_pair_changes is
 create or replace function semap.note_pair_forms(p_query_ids integer[]) returns void
 language sql as $$
   insert into semap.pair_form as f (query_id, map_id, formed_stamp, formed_track_id)
-  select q.query_id, q.map_id, max(n.stamp), max(n.track_id)
-  from semap.continuous_query q join semap.track_now n using (map_id)
+  select q.query_id, q.map_id, p.through, max(n.track_id)
+  from semap.continuous_query q join semap.track_now n using (map_id) join semap.pair_progress p using (map_id)
   where q.query_id = any (p_query_ids) and q.in_pairs
-  group by q.query_id
+  group by q.query_id, q.map_id, p.through
   on conflict (query_id) do update set formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
 $$;
 comment on function semap.note_pair_forms is

@@ -15,8 +15,8 @@ begin
     where m.query_id = any (p_query_ids) and (p_keys is null or m.key = any (p_keys))
       and not exists (select from semap.pair_instance_wanted w
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.instance_id = m.instance_id)
-      and not exists (select from semap.pair_track_wanted w join semap.track_now n using (track_id)
-                      where w.query_id = m.query_id and w.is_object = m.is_object and w.track_id = m.track_id and n.live)
+      and not exists (select from semap.pair_track_wanted w
+                      where w.query_id = m.query_id and w.is_object = m.is_object and w.track_id = m.track_id)
     group by m.query_id order by m.query_id
   loop
     v_nearest := v_nearest || semap.part_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys,
@@ -70,11 +70,20 @@ declare
   v_new     bigint[];
   v_states  semap.arrival[];
 begin
-  select array_agg(distinct w.track_id) filter (where m.key is null or m.uid <> w.uid) into v_new
-  from semap.pair_track_wanted w
-  join semap.track_now n on n.track_id = w.track_id and n.live
-  left join semap.pair_member m on m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object
-  where w.query_id = any (p_query_ids) and (p_keys is null or w.track_id = any (p_keys));
+  with followed as materialized (
+    select t.* from (select distinct map_id from semap.continuous_query where query_id = any (p_query_ids)) q
+    cross join lateral semap.tracks_followed(q.map_id, (select array_agg(k) from unnest(p_keys) k where k > 0)) t
+    where p_keys is null or exists (select from unnest(p_keys) k where k > 0)
+  ), wanted as materialized (
+    select w.* from semap.pair_track_wanted w join followed using (track_id) where w.query_id = any (p_query_ids)
+  )
+  select array_agg(distinct w.track_id) filter (where m.key is null or m.uid <> w.uid),
+         (select array_agg(row(f.track_id, f.stamp, f.x_m, f.y_m, f.z_m, f.std_m, f.heading_rad, f.speed_mps, f.length_m,
+                               f.width_m, false, null, null, null, true, null, null, null, null, '{}', null,
+                               null, null)::semap.arrival) from followed f)
+  into v_new, v_states
+  from wanted w
+  left join semap.pair_member m on m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object;
   if v_new is not null then
     insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, uid, name)
     select query_id, is_object, map_id, query_name, track_id, uid, name
@@ -86,14 +95,6 @@ begin
   from semap.pair_track_wanted w
   where m.key = w.track_id and m.query_id = w.query_id and m.is_object = w.is_object and w.query_id = any (p_query_ids)
     and (p_keys is null or w.track_id = any (p_keys)) and (m.query_name, m.uid, m.name) is distinct from (w.query_name, w.uid, w.name);
-
-  select array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
-                       false, n.source_id, n.map_id, n.cell_m, n.live, n.stamp, n.x_m, n.y_m, n.z_m, n.region_ids,
-                       n.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival)
-  into v_states
-  from semap.track_now n
-  where n.track_id in (select m.key from semap.pair_member m
-                       where m.query_id = any (p_query_ids) and m.key > 0 and (p_keys is null or m.key = any (p_keys)));
   perform semap.place_tracks(v_states, null);
   return v_new;
 end $$;
@@ -114,6 +115,7 @@ begin
   end if;
   perform semap.unfold_sources(array_agg(source_id order by source_id))
   from semap.source where map_id in (select map_id from semap.pair_side where query_id = any (p_query_ids));
+  perform semap.begin_following(array_agg(distinct map_id)) from semap.continuous_query where query_id = any (p_query_ids);
   v_nearest := semap.let_members_go(p_query_ids, p_keys);
   v_changed := semap.place_instance_members(p_query_ids, p_keys) || semap.place_track_members(p_query_ids, p_keys);
   if p_is_other then
@@ -123,9 +125,10 @@ begin
     v_changed := v_changed || array(select key from semap.pair_member where query_id = any (v_nearest) and not is_object);
   end if;
   update semap.pair_member m
-  set formed_stamp = n.stamp, formed_track_id = n.track_id
-  from (select map_id, max(stamp) as stamp, max(track_id) as track_id from semap.track_now
+  set formed_stamp = p.through, formed_track_id = n.track_id
+  from (select map_id, max(track_id) as track_id from semap.track_now
         where map_id in (select map_id from semap.continuous_query where query_id = any (p_query_ids)) group by map_id) n
+  join semap.pair_progress p using (map_id)
   where m.query_id = any (p_query_ids) and m.key = any (v_changed) and m.map_id = n.map_id;
   perform semap.record_pair_changes(semap.settle_pairs(p_query_ids, v_changed, null, null, 'map'));
 end $$;
@@ -176,7 +179,8 @@ end $$;
 comment on function semap.redescribe_tracks is
   'Bring pairs in line with these tracks, which are described in another way now.';
 
--- Part tracks that ended, each at the end that it has now, from all that they are paired with.
+-- Part tracks that ended, each at the end that it has now, from all that they are paired with, where their pairs were followed
+-- up to that end; an end that is further on is met there.
 create or replace function semap.part_ended(p_track_ids bigint[]) returns void
 language plpgsql as $$
 declare
@@ -189,8 +193,8 @@ begin
   from (select distinct map_id from semap.pair_member where key = any (p_track_ids) order by map_id) m;
   for v_moment in
     select greatest(k.ended_at, t.stamp) as stamp, array_agg(k.track_id) as track_ids
-    from semap.track k join semap.track_now t using (track_id)
-    where k.track_id = any (p_track_ids)
+    from semap.track k join semap.track_now t using (track_id) join semap.pair_progress p on p.map_id = k.map_id
+    where k.track_id = any (p_track_ids) and greatest(k.ended_at, t.stamp) <= p.through
     group by 1 order by 1
   loop
     perform semap.let_tracks_go(v_moment.track_ids, v_moment.stamp, 'disappeared');

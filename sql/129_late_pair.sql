@@ -263,7 +263,7 @@ declare
   c_most_states  constant integer := 20000;
   c_most_stamps  constant integer := 500; -- rows that are written at each of them get slower within a transaction
   c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
-  v_present      timestamptz := (select max(stamp) from semap.track_now where map_id = p_map_id);
+  v_present      timestamptz := (select through from semap.pair_progress where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
 begin
   -- what a track was compared with when it appeared is played as well
@@ -275,8 +275,8 @@ begin
     return;
   end if;
   -- beyond its last state nothing of a track changes but what lasts, and what others do
-  select greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
-         + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end
+  select least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
+                          + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end)
   into to_stamp
   from unnest(v_ids) id
   cross join lateral (select count(*) as states, max(stamp) as stamp

@@ -51,12 +51,18 @@ begin
   where n.track_id = any (v_ended);
   perform semap.record_crossings(v_crossings);
   delete from semap.verge where track_id = any (v_ended);
+  insert into semap.track_end (track_id, stamp)
+  select k.track_id, greatest(k.ended_at, t.stamp)
+  from new_track k join semap.track_now t using (track_id) where k.track_id = any (v_ended)
+  on conflict do nothing;
   perform semap.part_ended(v_ended);
 
   update semap.track_now t
   set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity', calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
   from new_track n
   where t.track_id = n.track_id and n.track_id = any (v_ended);
+  perform semap.note_newest(source_id, max(ended_at)) from new_track where track_id = any (v_ended)
+  group by source_id order by source_id;
   return null;
 end $$;
 comment on function semap.track_updated is

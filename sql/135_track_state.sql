@@ -37,8 +37,7 @@ declare
   v_passed      semap.arrival[];
   v_crossings   semap.crossing[];
   v_in_pairs    boolean;
-  v_moves       semap.arrival[];
-  v_looked_up   bigint[] := '{}';
+  v_late_pairs  semap.arrival[];
 begin
   select t.source_id, t.map_id, t.cell_m into v_source_id, v_map_id, v_cell_m
   from (select track_id from new_state limit 1) n join semap.track_now t using (track_id);
@@ -50,10 +49,11 @@ begin
   v_count.frame_stamp := coalesce(v_count.frame_stamp, '-infinity');
   v_in_pairs := exists (select from semap.continuous_query where map_id = v_map_id and in_pairs and enabled);
   if v_in_pairs then
+    perform from semap.source where source_id = v_source_id for no key update;
     perform semap.hold_pairs(v_map_id);
-    -- a state that is calm to all regions moves its track in pairs
-    select array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) into v_moves
-    from new_state n join semap.track_now t using (track_id) where t.source_id = v_source_id;
+    select array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) into v_late_pairs
+    from semap.pair_progress p join new_state n on n.stamp <= p.through join semap.track_now t using (track_id)
+    where p.map_id = v_map_id and t.source_id = v_source_id;
   end if;
 
   select count(*), count(distinct n.track_id), min(n.stamp), max(n.stamp),
@@ -76,7 +76,6 @@ begin
   v_is_whole := v_first = v_last and v_tracks = v_states;
   if v_arrivals is not null then
     select * into v_source from semap.source where source_id = v_source_id;
-    v_looked_up := array(select distinct track_id from unnest(v_arrivals) where v_in_pairs);
     select count(*) filter (where source_id is null or source_id <> v_source_id),
            count(*) filter (where stamp <= seen_stamp),
            count(distinct track_id) filter (where not live and stamp > seen_stamp),
@@ -90,9 +89,6 @@ begin
     if v_late > 0 then
       perform semap.unfold_sources(array[v_source_id]);
       perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
-      if v_in_pairs then
-        perform semap.amend_pairs(v_map_id, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
-      end if;
     end if;
     -- what is needed of places that are not written yet, and of the other states of the same tracks
     v_is_stale := v_count.frame_stamp > v_count.placed_stamp
@@ -124,10 +120,6 @@ begin
     perform semap.record_crossings(v_crossings);
   end if;
 
-  if v_in_pairs then
-    perform semap.compare_pairs(v_map_id, array(
-      select a from unnest(v_moves) a where a.track_id <> all (v_looked_up)) || v_passed);
-  end if;
   if v_appeared > 0 then
     update semap.track k set ended_at = null
     where k.ended_at is not null and k.track_id in (select track_id from unnest(v_passed) where not live);
@@ -168,6 +160,9 @@ begin
       frame_stamp = case when v_is_frame then v_last else c.frame_stamp end,
       placed_stamp = case when v_is_frame then v_last else c.placed_stamp end,
       frame_tracks = case when v_is_frame then v_states - v_ended end, frame_track_ids = null;
+  if v_late_pairs is not null then
+    perform semap.take_late_pairs(v_map_id, v_late_pairs);
+  end if;
   perform semap.note_newest(v_source_id, v_last);
   return null;
 end $$;

@@ -19,7 +19,7 @@ language sql stable as $$
                         ceil(st_xmax(s.shape) / 2) * 2, ceil(st_ymax(s.shape) / 2) * 2, w.query_id, w.is_object),
          n.z_m, n.z_m, n.heading_rad
   from semap.pair_track_wanted w
-  join semap.track_now n on n.track_id = w.track_id and n.live
+  join semap.tracks_followed(p_map_id) n on n.track_id = w.track_id
   cross join lateral (select semap.track_shape(w.predicate, w.is_object, w.distance_m, n.x_m, n.y_m,
                                                n.heading_rad, n.length_m, n.width_m) as shape offset 0) s
   where w.map_id = p_map_id

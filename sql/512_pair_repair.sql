@@ -89,7 +89,8 @@ begin
   select query_id, is_object, p_map_id, query_name, track_id, instance_id, uid, name, stamp,
          place, shape, box, z_min_m, z_max_m, yaw_rad, coalesce(n.newest, '-infinity'), coalesce(n.newest_id, 0)
   from semap.wanted_members(p_map_id) join pg_temp.semap_differing using (key, query_id, is_object)
-  cross join (select max(t.stamp) as newest, max(t.track_id) as newest_id from semap.track_now t where t.map_id = p_map_id) n;
+  cross join (select max(p.through) as newest, max(t.track_id) as newest_id
+              from semap.track_now t join semap.pair_progress p using (map_id) where t.map_id = p_map_id) n;
 
   for v_changed in
     select query_id, array_agg(distinct subject_key) as keys from semap.pair_differences(p_map_id)

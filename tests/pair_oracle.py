@@ -222,12 +222,13 @@ class PairOracle:
     # what happens
 
     def states(self, batch: Iterable[tuple[Thing, bool]]) -> None:
-        """Tracks at their stamps, with whether that is their last state; none of them late."""
+        """Tracks at their stamps, with whether that is their last state; none of them late. Without a place: an end."""
         moments: dict[int, list[tuple[Thing, bool]]] = {}
         for thing, is_last in batch:
             moments.setdefault(thing.stamp_us, []).append((thing, is_last))
         for stamp_us in sorted(moments):
-            new = moments[stamp_us]
+            ends = {thing.name for thing, is_last in moments[stamp_us] if is_last}
+            new = [(thing, thing.name in ends) for thing, _ in moments[stamp_us] if thing.x_m is not None]
             found = []
             if self.asked.predicate == "crosses" and self.asked.enabled:
                 for thing, _ in new:
@@ -236,7 +237,7 @@ class PairOracle:
             appeared = {thing.name for thing, _ in new if thing.name not in self.things}
             self.things.update({thing.name: thing for thing, _ in new})
             self._tell(found + self._compare({t.name for t, _ in new}, appeared, stamp_us, "moved"))
-            ended = {thing.name for thing, is_last in new if is_last}
+            ended = ends & self.things.keys()
             if ended:
                 self._part(ended, stamp_us, "disappeared")
 

@@ -19,7 +19,11 @@ CHOSEN = '{"op": "=", "args": [{"property": "attributes.chosen"}, 1]}'
 
 
 class Town:
-    """A map with one query about pairs, driven in the database and told to the oracle."""
+    """A map with one query about pairs, driven in the database and told to the oracle.
+
+    Its sources say no watermark: all states before the newest stamp of each have come, and those at it where it is whole,
+    which `settle` says. The oracle is told of a stamp once it is complete.
+    """
 
     def __init__(self, database: str, asked: Question, name: str | None = None) -> None:
         self.world = World(database, name or f"map {uuid4()}")
@@ -28,6 +32,10 @@ class Town:
         self.last: dict[str, Thing] = {}
         self.heard: dict[str, int] = {}
         self.sources = [self.world.source_id, self.world.add_source("other")]
+        self.source_of: dict[str, int] = {}
+        self.newest_us = [-1, -1]
+        self.waiting: list[tuple[Thing, bool]] = []
+        self.through_us = -1
         self.query_id: int | None = None
         self.ask(asked)
         self.world.run("update semap.source set jump_m = null where map_id = %s", self.world.map_id)
@@ -137,6 +145,7 @@ class Town:
         )  # fmt: skip
         self.last[name] = Thing(name, self.uid(name), True, chosen)
         self.heard[name] = -1
+        self.source_of[name] = source
 
     def see(self, *states: tuple[Thing, bool]) -> None:
         """States of tracks of one source, in one statement, in any order; the oracle is not told of the late ones."""
@@ -148,25 +157,55 @@ class Town:
             for thing, is_last in states:
                 copy.write_row((self.tracks[thing.name], to_datetime(thing.stamp_us), thing.x_m, thing.y_m,
                                 thing.z_m, thing.yaw_rad, thing.length_m, thing.width_m, is_last))  # fmt: skip
-        told = [state for state in states if state[0].stamp_us > self.heard[state[0].name]]
-        self.oracle.states(told)
-        for thing, _ in told:
-            self.heard[thing.name] = max(self.heard[thing.name], thing.stamp_us)
-            if thing.stamp_us == self.heard[thing.name]:
-                self.last[thing.name] = thing
+        for thing, is_last in states:
+            if thing.stamp_us > self.through_us:
+                self.waiting.append((thing, is_last))
+            if thing.stamp_us > self.heard[thing.name]:
+                self.heard[thing.name], self.last[thing.name] = thing.stamp_us, thing
+            source = self.source_of[thing.name]
+            self.newest_us[source] = max(self.newest_us[source], thing.stamp_us)
+        self._release([newest_us - 1 for newest_us in self.newest_us])
+
+    def settle(self) -> None:
+        """All sources have given all that they have."""
+        if not self.tracks or max(self.newest_us) < 0:
+            return
+        self.world.run(
+            "update semap.source set newest_is_whole = true, newest_stamp = greatest(newest_stamp, %s) where map_id = %s",
+            to_datetime(max(self.newest_us)), self.world.map_id,
+        )  # fmt: skip
+        self.newest_us = [max(self.newest_us)] * 2
+        self._release(self.newest_us)
+
+    def _release(self, complete_us: list[int]) -> None:
+        through_us = min(complete_us[self.source_of[name]] for name in self.tracks)
+        self.through_us = max(self.through_us, through_us)
+        due = [state for state in self.waiting if state[0].stamp_us <= self.through_us]
+        self.waiting = [state for state in self.waiting if state[0].stamp_us > self.through_us]
+        self.oracle.states(
+            (replace(thing, chosen=self.last[thing.name].chosen), is_last) for thing, is_last in due
+        )
 
     def end(self, name: str, stamp_us: int) -> None:
         self.world.end_track(self.tracks[name], stamp_us)
-        self.oracle.end(name, stamp_us)
-        self.heard[name] = max(stamp_us, self.heard[name])
+        stamp_us = self.heard[name] = max(stamp_us, self.heard[name])
+        if stamp_us <= self.through_us:
+            self.oracle.end(name, stamp_us)
+        else:
+            self.waiting.append((replace(self.last[name], x_m=None, stamp_us=stamp_us), True))
+        source = self.source_of[name]
+        self.newest_us[source] = max(self.newest_us[source], stamp_us)
+        self._release([newest_us - 1 for newest_us in self.newest_us])
 
     def forget(self, name: str) -> None:
         self.world.run("delete from semap.track where track_id = %s", self.tracks.pop(name))
         self.oracle.delete_track(name)
+        self.waiting = [state for state in self.waiting if state[0].name != name]
 
     # what came of it
 
     def log(self) -> list[Change]:
+        self.settle()
         return [
             Change(*row)
             for row in self.world.rows(
@@ -179,6 +218,7 @@ class Town:
         ]
 
     def held(self) -> set[tuple[str, str, int]]:
+        self.settle()
         return {
             (subject, object_, since)
             for subject, object_, since in self.world.rows(
@@ -194,6 +234,7 @@ class Town:
 
     def differences(self) -> list[Verified]:
         """What `semap doctor --verify` finds wrong with the map."""
+        self.settle()
         verification = verify(self.world.dsn, lambda said: None)
         with verification.connection:
             return [each for each in verification.look(self.world.name) if each.differ]

@@ -151,6 +151,7 @@ class World:
             for each in samples:
                 copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
                                 each.std_m, each.is_last, each.std_across_m, each.std_yaw_rad))  # fmt: skip
+        self.say_of(track_id)
 
     def add_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""
@@ -158,6 +159,15 @@ class World:
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
+        self.say_of(states[0][0])
+
+    def say(self, source_id: int) -> None:
+        """A source that says no watermark has given all states of its newest stamp."""
+        self.run("update semap.source set newest_is_whole = true where source_id = %s", source_id)
+
+    def say_of(self, track_id: int) -> None:
+        """So has the source of this track."""
+        self.say(self.one("select source_id from semap.track where track_id = %s", track_id))
 
     def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
         """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""

@@ -36,6 +36,17 @@ STATEMENTS = (
     comment on table semap.pair_progress is
       'Up to which stamp the pairs of a map have been followed; where tracks are in pair_member is of that moment.'
     """,
+    """
+    create table semap.track_end (
+      track_id  bigint not null references semap.track on delete cascade,
+      stamp     timestamptz not null,
+      primary key (track_id, stamp)
+    )
+    """,
+    """
+    comment on table semap.track_end is
+      'When tracks were said to have ended, beside states that are their last; some went on after that.'
+    """,
 )
 
 

@@ -112,6 +112,7 @@ def rounded(changes: list[Change]) -> list[tuple]:
 
 def check(town: Town, truth: PairOracle) -> None:
     world, query_id = town.world, town.query_id
+    town.settle()
     standing = [Change(*row) for row in world.rows(STANDING, query_id)]
     assert rounded(standing) == rounded(truth.log)
     held = {(*key, round(pair.since_us)) for key, pair in truth.pairs.items() if pair.held}

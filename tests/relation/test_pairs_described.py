@@ -31,6 +31,7 @@ def town(database: str) -> Iterator[Town]:
 
 def move(town: Town, name: str, second: int, x_m: float) -> None:
     town.see((Thing(name, town.uid(name), True, stamp_us=second * SECOND_US, x_m=x_m), False))
+    town.settle()
 
 
 def hand_over(town: Town, name: str, source: int) -> None:
