@@ -274,13 +274,20 @@ begin
   if from_stamp < (select max(gone_before) from semap.retention where kind in ('states', 'changes')) then
     return;
   end if;
-  -- beyond its last state nothing of a track changes but what lasts, and what others do
+  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is stored
+  -- already, and is no state that both plays go through.
   select least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
                           + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end)
   into to_stamp
   from unnest(v_ids) id
-  cross join lateral (select count(*) as states, max(stamp) as stamp
-                      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further, v_present)) a;
+  cross join lateral (
+    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp) where n.track_id = id) n
+  cross join lateral (
+    select count(*) as states, max(stamp) as stamp from (
+      select s.stamp
+      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further + coalesce(cardinality(n.stamps), 0), v_present) s
+      where (s.stamp = any (n.stamps)) is not true
+      order by s.stamp limit p_further) s) a;
   is_present := to_stamp >= v_present;
   track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps

@@ -66,10 +66,15 @@ class Flat:
             )
 
     def crossings(self) -> list[tuple[str, float, float, float]]:
+        self.settle()
         return self.connection.execute(
             "select direction, extract(epoch from edge_at)::float8, x_m, y_m from semap.relation_change"
             " where query_name = 'through' order by change_id"
         ).fetchall()
+
+    def settle(self) -> None:
+        """All states of the newest stamp have come."""
+        self.connection.execute("update semap.source set newest_is_whole = true")
 
     def edit(self, **changes: object) -> None:
         (door_id,) = self.connection.execute(

@@ -70,6 +70,8 @@ class Side:
             f" from unnest(%s::bigint[], {casts}) n (id, {', '.join(COLUMNS)})",
             to_datetime(stamp_us), ids, *arrays,
         )  # fmt: skip
+        if whole:
+            self.world.say(self.sources[source])
 
     def known(self) -> dict[str, list[tuple]]:
         return {

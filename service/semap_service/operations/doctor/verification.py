@@ -40,6 +40,10 @@ GRID = (
     " + (select count(*) from semap.region_edge e where e.map_id = m.map_id)"
     " from semap.map m where m.map_id = %s"
 )
+PAIR_CHANGES = (
+    "select count(*) from semap.relation_change c join semap.continuous_query q using (query_id)"
+    " where c.map_id = %s and q.in_pairs and c.kind {}"
+)
 COMPARISONS = tuple(
     Comparison(*each)
     for each in (
@@ -56,6 +60,10 @@ COMPARISONS = tuple(
         ("pair members", "sides of pairs against the queries, the map and presents",
          COUNT.format("pair_member"), "pair_member_differences"),
         ("pairs", "pairs against where their two sides are", COUNT.format("pair"), "pair_differences"),
+        ("pair history", "the log of two tracks against where both were", PAIR_CHANGES.format("<> 'crossed'"),
+         "pair_history_differences"),
+        ("crossings", "lines that were crossed against the ways of tracks", PAIR_CHANGES.format("= 'crossed'"),
+         "crossing_differences"),
         ("log", "relations against the folded log of changes", COUNT.format("relation_change"),
          "log_differences"),
         ("past", "stays that are over against the log", COUNT.format("relation_past"), "past_differences"),

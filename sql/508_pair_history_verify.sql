@@ -1,0 +1,168 @@
+-- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or pair_member but how instances
+-- look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
+
+-- The tracks of a map that lived at a moment, each where it was.
+create or replace function semap.tracks_at(p_map_id integer, p_at timestamptz) returns setof semap.track_state
+language sql stable as $$
+  select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
+  where n.map_id = p_map_id and n.first_stamp <= p_at and not s.is_last
+    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
+$$;
+comment on function semap.tracks_at is
+  'The tracks of a map that lived at a moment, each where it was.';
+
+-- The queries about tracks whose pairs can be told from one moment.
+create or replace function semap.momentary_queries(p_map_id integer) returns setof semap.continuous_query
+language sql stable as $$
+  select * from semap.continuous_query
+  where map_id = p_map_id and in_pairs and enabled and subject_kind = 'track' and object_kind = 'track'
+    and predicate not in ('nearest', 'approaching', 'crosses', 'on') and enter_margin_m = 0 and leave_margin_m = 0
+    and coalesce(enter_confirm, '0') = '0' and coalesce(leave_confirm, '0') = '0'
+$$;
+comment on function semap.momentary_queries is
+  'The queries about tracks whose pairs can be told from one moment.';
+
+-- The pairs of tracks for which these queries hold at a moment, by the states of the tracks.
+create or replace function semap.pairs_at(p_map_id integer, p_at timestamptz)
+returns table (query_id integer, subject_key bigint, object_key bigint)
+language sql stable as $$
+  with place as materialized (
+    select * from semap.tracks_at(p_map_id, p_at)
+  ), side as materialized (
+    select w.query_id, w.is_object, p.track_id, st_point(p.x_m, p.y_m) as place, p.z_m, p.heading_rad,
+           semap.track_shape(w.predicate, w.is_object, w.distance_m, p.x_m, p.y_m, p.heading_rad, p.length_m, p.width_m) as shape
+    from place p join semap.pair_track_wanted w using (track_id) where w.map_id = p_map_id
+  )
+  select q.query_id, s.track_id, o.track_id
+  from semap.momentary_queries(p_map_id) q
+  join side s on s.query_id = q.query_id and not s.is_object
+  join side o on o.query_id = q.query_id and o.is_object and o.track_id <> s.track_id
+    and (q.predicate = 'facing' or st_dwithin(s.shape, o.shape, case when q.predicate = 'within_distance' then q.distance_m else 0 end + 1e-9))
+  cross join lateral semap.pair_stands(
+    q.predicate, q.dimensions, q.distance_m, 0, 0, q.angle_rad, s.track_id, o.track_id, s.place, s.shape, s.z_m, s.z_m,
+    s.heading_rad, o.place, o.shape, o.z_m, o.z_m) r
+  where r.side
+$$;
+comment on function semap.pairs_at is
+  'The pairs of tracks for which these queries hold at a moment, by the states of the tracks.';
+
+-- The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.
+create or replace function semap.pair_history_differences(p_map_id integer, p_moments integer default 40)
+returns table (stamp timestamptz, thing text, stored text, wanted text)
+language plpgsql stable as $$
+declare
+  v_queries  integer[] := array(select q.query_id from semap.momentary_queries(p_map_id) q);
+  v_at       timestamptz;
+begin
+  for v_at in
+    with newest as materialized (
+      select c.stamp, row_number() over (order by c.change_id desc) as place from semap.relation_change c
+      where c.map_id = p_map_id and c.query_id = any (v_queries) and c.cause <> 'map'
+      order by c.change_id desc limit 1000
+    )
+    select distinct on (n.stamp) n.stamp from newest n, (select max(place) as places from newest) m
+    where place <= p_moments / 2 or place * p_moments / 2 % places < p_moments / 2
+    order by n.stamp desc limit p_moments
+  loop
+    return query
+      with logged as (
+        select h.query_id, h.subject_key, h.object_key
+        from semap.pairs_held_at(v_queries, array(select track_id from semap.track_now where map_id = p_map_id), v_at) h
+      ), stood as (
+        select p.query_id, p.subject_key, p.object_key from semap.pairs_at(p_map_id, v_at) p
+      )
+      select v_at, format('%s at %s', semap.relation_in_words(d.query_id, d.subject_key, null, null, d.object_key), v_at),
+             case when d.is_logged then 'a relation' else 'no relation' end,
+             case when d.is_logged then 'no relation' else 'a relation' end
+      from (select *, true as is_logged from (select * from logged except select * from stood) l
+            union all
+            select *, false from (select * from stood except select * from logged) s) d
+      where (semap.pair_formed(d.query_id, d.subject_key, d.object_key) >= v_at) is not true;
+  end loop;
+end $$;
+comment on function semap.pair_history_differences is
+  'The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.';
+
+-- Where a track crossed a line, by its states of the last hour up to a moment: stamps of the states that showed it.
+create or replace function semap.crossings_again(
+  p_now semap.track_now, p_line public.geometry, p_fastest_mps double precision, p_longest_gap interval, p_to timestamptz
+) returns table (stamp timestamptz, edge_at timestamptz, direction text, z_m double precision)
+language plpgsql stable as $$
+declare
+  v_before  semap.arrival;
+  v_now     semap.arrival;
+  v_source  semap.source;
+  v_from    timestamptz := greatest(p_now.first_stamp, least(p_now.stamp, p_to) - interval '1 h');
+  v_side    boolean;
+  v_across  record;
+begin
+  select * into v_source from semap.source where source_id = p_now.source_id;
+  for v_now in
+    select a.* from unnest((semap.arrivals_again(
+      v_source, array(select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
+                                 s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad)::semap.track_state
+                      from semap.stored_state s
+                      where s.track_id = p_now.track_id and s.stamp >= v_from and s.stamp <= p_to
+                        and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= v_from),
+      p_now, v_from = p_now.first_stamp,
+      array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id and e.stamp between v_from and p_to),
+      p_to)).arrivals) a order by a.stamp
+  loop
+    if v_before.stamp is null or v_before.is_last or v_now.x_m is null then
+      v_side := null;
+    elsif v_now.stamp > v_before.stamp + coalesce(p_longest_gap, '30 s')
+       or sqrt((v_now.x_m - v_before.x_m) ^ 2 + (v_now.y_m - v_before.y_m) ^ 2)
+          > coalesce(p_fastest_mps, 30) * extract(epoch from v_now.stamp - v_before.stamp) then
+      v_side := null;
+    else
+      v_across := semap.way_across(p_line, v_before.x_m, v_before.y_m, v_now.x_m, v_now.y_m, v_side);
+      v_side := v_across.came_from_left;
+      return query
+        select v_now.stamp, v_before.stamp + make_interval(secs => part * extract(epoch from v_now.stamp - v_before.stamp)),
+               case when is_left then 'left_to_right' else 'right_to_left' end,
+               v_before.z_m + part * (v_now.z_m - v_before.z_m)
+        from unnest(v_across.parts, v_across.from_left) u (part, is_left);
+    end if;
+    v_before := case when v_now.x_m is null then null else v_now end;
+  end loop;
+end $$;
+comment on function semap.crossings_again is
+  'Where a track crossed a line, by its states of the last hour up to a moment.';
+
+-- The log of lines that were crossed in the last hour of each track against the ways of the tracks.
+create or replace function semap.crossing_differences(p_map_id integer)
+returns table (track_id bigint, thing text, stored text, wanted text)
+language sql stable as $$
+  with looked_at as materialized (
+    select q.query_id, q.name, q.direction, q.dimensions, q.longest_gap, q.fastest_mps, n as present, i.instance_id,
+           i.name as line, i.shape, i.z_min_m, i.z_max_m, w.name as track, p.through,
+           greatest(n.first_stamp, least(n.stamp, p.through) - interval '1 h',
+                    semap.pair_formed(q.query_id, n.track_id, -i.instance_id)) as since
+    from semap.continuous_query q
+    join semap.pair_progress p using (map_id)
+    join semap.pair_track_wanted w on w.query_id = q.query_id and not w.is_object
+    join semap.track_now n on n.track_id = w.track_id and n.first_stamp <= p.through
+    join semap.pair_instance_wanted i on i.query_id = q.query_id and i.is_object
+    where q.map_id = p_map_id and q.in_pairs and q.enabled and q.predicate = 'crosses'
+  ), wanted as (
+    select l.query_id, (l.present).track_id, l.instance_id, c.stamp, c.direction
+    from looked_at l
+    cross join lateral semap.crossings_again(l.present, l.shape, l.fastest_mps, l.longest_gap, l.through) c
+    where c.stamp > l.since and (l.direction is null or l.direction = c.direction)
+      and (l.dimensions = 2 or (c.z_m >= l.z_min_m and c.z_m < l.z_max_m) is not false)
+  ), logged as (
+    select c.query_id, c.track_id, c.instance_id, c.stamp, c.direction
+    from looked_at l
+    cross join lateral semap.standing_changes_of_track(p_map_id, (l.present).track_id, l.since, l.through) c
+    where c.query_id = l.query_id and c.instance_id = l.instance_id and c.kind::text = 'crossed'
+  )
+  select d.track_id, format('track %s, %s (%s) at %s', k.name, i.name, q.name, d.stamp),
+         case when d.is_logged then d.direction else 'no crossing' end,
+         case when d.is_logged then 'no crossing' else d.direction end
+  from (select *, true as is_logged from (select * from logged except all select * from wanted) l
+        union all
+        select *, false from (select * from wanted except all select * from logged) w) d
+  join semap.track k using (track_id) join semap.instance i using (instance_id) join semap.continuous_query q using (query_id)
+$$;
+comment on function semap.crossing_differences is
+  'The log of lines that were crossed in the last hour of each track against the ways of the tracks.';
