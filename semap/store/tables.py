@@ -710,6 +710,16 @@ rule_query = Table(
     ),
 )
 
+rule_given_up = Table(
+    "rule_given_up",
+    VIEWS,
+    Column("rule_id", Integer),
+    Column("map_id", Integer),
+    Column("attempts", BigInteger),
+    Column("first", STAMP),
+    Column("key", JSONB),
+)
+
 rule_version = Table(
     "rule_version",
     METADATA,

@@ -222,7 +222,7 @@ def test_no_view_shows_what_its_reader_may_not_see(owner: psycopg.Connection) ->
             [list(OF_MAPS)],
         )
     }
-    assert readable == {"kept_table", "track_place", "track_state_seen"}
+    assert readable == {"kept_table", "rule_given_up", "track_place", "track_state_seen"}
 
 
 PLANNED = (
