@@ -70,6 +70,14 @@ def enrich(dsn: str, name: str) -> None:
             "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, distance_m)"
             " values (%s, 'near', 'within_distance', 'track', 'track', 3)", [map_id],
         )  # fmt: skip
+        owner.execute(
+            "insert into semap.progress (worker, lsn) values ('rules', '0/0') on conflict do nothing"
+        )
+        owner.execute(
+            "update semap.progress p set watermarks = jsonb_build_object('given_up', coalesce(p.watermarks -> 'given_up', '{}') ||"
+            " jsonb_build_object(r.rule_id, jsonb_build_object('version', r.version, 'attempts', 3, 'first', now())))"
+            " from semap.rule r where r.map_id = %s", [map_id],
+        )  # fmt: skip
         owner.execute("insert into semap.job (kind, map, file, state, created_by)"
                       " values ('instance_import', %s, '', 'running', 'test')", [name])  # fmt: skip
         owner.execute(
