@@ -299,7 +299,7 @@ class NewObjectState:
 
 @dataclass(frozen=True)
 class GivenUp:
-    """Where a rule began to give up, as too much was under way in one key: what begins later may be missing."""
+    """Where a rule began to give up, as too much was under way in one key: what begins later may lack."""
 
     first: Stamp
     key: Mapping[str, Any]
