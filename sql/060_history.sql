@@ -207,9 +207,8 @@ begin
   -- this runs with the rights of its owner: what its caller may not see is not there
   if not exists (select from semap.change_set where change_set_id = p_change_set_id)
      or semap.visible_maps() is not null
-        and exists (select from semap.row_version v
-                    where v.change_set_id = p_change_set_id
-                      and (v.map_id is null or v.map_id <> all (semap.visible_maps()))) then
+        and (select bool_and(v.map_id is not null and v.map_id = any ((select semap.visible_maps())::integer[]))
+             from semap.row_version v where v.change_set_id = p_change_set_id) is not true then
     raise exception 'There is no change set %.', p_change_set_id
       using errcode = 'no_data_found', hint = 'List the change sets of the map.';
   end if;

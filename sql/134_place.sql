@@ -104,6 +104,6 @@ create or replace view semap.track_place with (security_barrier) as
     join semap.framed_state s on s.source_id = c.source_id and s.stamp = c.frame_stamp
     where c.placed_stamp < c.frame_stamp
   ) s on s.track_id = t.track_id and s.source_id = t.source_id and s.stamp > t.stamp and t.live
-  where coalesce(t.map_id = any (semap.visible_maps()), true);
+  where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);
 comment on view semap.track_place is
   'Where tracks are, each at the newest place that is known of it.';

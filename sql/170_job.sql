@@ -4,7 +4,10 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   update semap.job
   set state = 'done', progress = 1, message = '', result = p_result, finished_at = clock_timestamp()
-  where job_id = p_job_id and state = 'running' and not cancel_requested;
+  where job_id = p_job_id and state = 'running' and not cancel_requested
+    -- this runs with the rights of its owner: a job that is not of the caller's maps is not there
+    and ((select semap.visible_maps() is null)
+         or map = any (select name from semap.map where map_id = any ((select semap.visible_maps())::integer[])));
   if not found then
     raise exception 'The job % is not running any more, or is to stop.', p_job_id using errcode = 'query_canceled';
   end if;

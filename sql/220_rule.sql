@@ -80,3 +80,16 @@ comment on function semap.query_renamed is
 
 create or replace trigger query_renamed after update of name on semap.continuous_query
   for each row when (new.name <> old.name) execute function semap.query_renamed();
+
+-- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and the
+-- stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their own maps.
+create or replace view semap.rule_given_up with (security_barrier) as
+  select r.rule_id, r.map_id, (g.said ->> 'attempts')::bigint as attempts, (g.said ->> 'first')::timestamptz as first,
+         g.said -> 'key' as key
+  from semap.progress p
+  cross join lateral jsonb_each(p.watermarks -> 'given_up') as g (rule_id, said)
+  join semap.rule r on r.rule_id = g.rule_id::integer and r.version = (g.said ->> 'version')::integer
+  where p.worker = 'rules'
+    and ((select semap.visible_maps() is null) or r.map_id = any ((select semap.visible_maps())::integer[]));
+comment on view semap.rule_given_up is
+  'What rules gave up since their version is in force, because too much was under way in a key.';

@@ -8,7 +8,9 @@ declare
   v_maps  integer[];
 begin
   v_maps := array(select map_id from semap.map
-                  where (p_map is null or name = p_map) and coalesce(map_id = any (semap.visible_maps()), true));
+                  where (p_map is null or name = p_map)
+                    and ((select semap.visible_maps() is null)
+                         or map_id = any ((select semap.visible_maps())::integer[])));
   if cardinality(v_maps) = 1 then
     return v_maps[1];
   elsif cardinality(v_maps) > 1 then

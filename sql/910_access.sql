@@ -2,7 +2,7 @@
 -- webhooks. The roles that end in _map are for callers who are restricted to maps: row-level security keeps them within
 -- semap.visible_maps(), and without any they see nothing. All others see every row.
 
--- A caller's own maps are checked row by row; a table without map_id follows its parent, whose rows the caller sees or
+-- Which maps are a caller's own is asked once for a statement; a table without map_id follows its parent, whose rows the caller sees or
 -- does not. track_state has no row-level security, since PostgreSQL takes no COPY into a table that has: restricted
 -- roles cannot read it, but semap.track_state_seen (sql/305).
 do $$
@@ -14,7 +14,7 @@ begin
   set constraints all immediate; -- no table can be altered whose constraints have yet to be checked
   for v_table in
     with own (name, condition) as (
-      select c.relname::text, 'map_id = any (semap.visible_maps())'
+      select c.relname::text, 'map_id = any ((select semap.visible_maps())::integer[])'
       from pg_class c join pg_attribute a on a.attrelid = c.oid and a.attname = 'map_id' and not a.attisdropped
       where c.relnamespace = 'semap'::regnamespace and c.relkind in ('r', 'p') and not c.relispartition
         and c.relname <> 'token_map'
@@ -52,7 +52,7 @@ begin
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_state_seen, semap.track_amendment,'
     ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.object_state, semap.rule,'
-    ' semap.rule_query, semap.rule_version, semap.late_row, semap.event, semap.event_evidence,'
+    ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event, semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'
     ' semap.track_place, semap.track_present, semap.track_amended, semap.retention'
@@ -63,6 +63,7 @@ end $$;
 -- Tokens are secrets of those who keep them: what can be seen by all others is not that they exist.
 revoke all on semap.token, semap.token_map
 from semap_read, semap_ingest, semap_worker, semap_api, semap_read_map, semap_ingest_map, semap_api_map;
+grant insert, delete on semap.login_map to semap_admin;
 grant insert, update (last_used_at, revoked_at) on semap.token to semap_admin;
 grant insert on semap.token_map to semap_admin;
 

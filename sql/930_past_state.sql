@@ -11,7 +11,8 @@ returns setof record
 language sql stable parallel safe rows 1 as $$
   select n.first_stamp, greatest(n.stamp, n.outlier_stamp, c.frame_stamp)
   from semap.track_now n left join semap.source_count c using (source_id)
-  where n.track_id = p_track_id and coalesce(n.map_id = any (semap.visible_maps()), true)
+  where n.track_id = p_track_id
+    and ((select semap.visible_maps() is null) or n.map_id = any ((select semap.visible_maps())::integer[]))
 $$;
 comment on function semap.seen_between is
   'When a track was seen first and last, or ended; nothing of one that the caller may not see.';
@@ -90,7 +91,8 @@ comment on function semap.place_at is
 create or replace function semap.first_state_of_map(p_map_id integer) returns timestamptz
 language sql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
   select nullif(min(first_stamp), 'infinity') from semap.track_now
-  where map_id = p_map_id and coalesce(p_map_id = any (semap.visible_maps()), true)
+  where map_id = p_map_id
+    and ((select semap.visible_maps() is null) or p_map_id = any ((select semap.visible_maps())::integer[]))
 $$;
 comment on function semap.first_state_of_map is
   'The stamp of the first state of any track of a map.';
@@ -101,6 +103,7 @@ declare
   v_function  regprocedure;
 begin
   foreach v_function in array array[
+    'semap.visible_maps()',
     'semap.states_of_track(bigint, timestamptz, timestamptz, timestamptz, integer)',
     'semap.state_before(bigint, timestamptz, timestamptz)',
     'semap.place_at(bigint, timestamptz)',

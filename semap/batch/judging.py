@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from uuid import UUID
 
 from semap.batch.verdict import Finding, Judgement, compare
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.timeline.stamp import to_us
 
 
@@ -58,12 +59,14 @@ class Outcome:
     events      that the log lacks, or with which it amends others
     changed     in the order of stamps
     run_id      None of a run that only looked
+    given_up    by the name of the rule, because too much was under way in a key: what it found lacks these
     """
 
     judgements: Sequence[Judgement]
     events: Sequence[Event]
     changed: Sequence[Changed]
     run_id: int | None = None
+    given_up: Mapping[str, GivenUp] = field(default_factory=dict)
 
     def counts(self) -> dict[str, int]:
         verdicts = Counter(judgement.verdict for judgement in self.judgements)

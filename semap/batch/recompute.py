@@ -10,7 +10,7 @@ deleted.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import reduce
 from math import isinf
@@ -27,6 +27,7 @@ from semap.batch.smoothing import Motion, pieces, smooth
 from semap.batch.stored_tracks import StoredStates, StoredTrack, read_regions, read_states, read_tracks
 from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.engine.needs import Needs, needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
@@ -97,14 +98,15 @@ def recompute(
     with connect(dsn, ROLE, application="semap recompute") as connection, translated():
         map_id, complete_to = _map(connection, plan)
         rules = _rules(connection, map_id, plan)
-        found = _found(connection, map_id, rules, plan, complete_to, advance)
+        given_up: dict[str, GivenUp] = {}
+        found = _found(connection, map_id, rules, plan, complete_to, advance, given_up)
         advance("comparing with the log")
         names = [rule.name for rule in rules.values()]
         logged = [
             Logged(*row)
             for row in connection.execute(LOGGED, [map_id, names, plan.start, plan.end]).fetchall()
         ]
-        outcome = judge(logged, found, plan.same_s, plan.reach_s)
+        outcome = replace(judge(logged, found, plan.same_s, plan.reach_s), given_up=given_up)
         if dry_run:
             return outcome
         advance("writing the verdicts")
@@ -117,7 +119,14 @@ def recompute(
                 plan.start,
                 plan.end,
                 started_at,
-                Jsonb({"motion": asdict(plan.motion), "same_s": plan.same_s, "reach_s": plan.reach_s}),
+                Jsonb(
+                    {
+                        "motion": asdict(plan.motion),
+                        "same_s": plan.same_s,
+                        "reach_s": plan.reach_s,
+                        "given_up": {name: each.as_json() for name, each in given_up.items()},
+                    }
+                ),
                 Jsonb(outcome.counts()),
                 Jsonb([{**event_json(event), "by_batch": True} for event in outcome.events]),
                 Jsonb([judgement.as_json() for judgement in outcome.judgements]),
@@ -186,6 +195,7 @@ def _found(
     plan: Plan,
     complete_to: datetime,
     advance: Callable[[str], None],
+    given_up: dict[str, GivenUp],
 ) -> list[Event]:
     """The events of the span by the batch layer."""
     before, after = _reach(lookback_us(rule.declaration for rule in rules.values()))
@@ -212,11 +222,10 @@ def _found(
     # together, since the farthest that any rule asks for an actor counts, as it does for the worker
     needs = reduce(or_, (needs_of(rule.declaration) for rule in rules.values()), Needs())
     ready = enriched(connection, map_id, list(rows.values()), needs)
-    return [
-        event
-        for event in run_over(rules.values(), ready, to_us(last))
-        if plan.start <= event.stamp < plan.end
-    ]
+    events = run_over(
+        rules.values(), ready, to_us(last), tell=lambda rule, what: given_up.update({rule.name: what})
+    )
+    return [event for event in events if plan.start <= event.stamp < plan.end]
 
 
 def _reach(lookback_us: float) -> tuple[timedelta, timedelta]:

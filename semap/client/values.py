@@ -298,6 +298,14 @@ class NewObjectState:
 
 
 @dataclass(frozen=True)
+class GivenUp:
+    """Where a rule began to give up, as too much was under way in one key: what begins later may lack."""
+
+    first: Stamp
+    key: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Rule:
     """A rule: which events are made of what; `version` rises with each change of the declaration."""
 
@@ -309,6 +317,7 @@ class Rule:
     declaration: Mapping[str, Any]
     enabled: bool
     backfill_from: Stamp | None
+    given_up: GivenUp | None = None
 
 
 @dataclass(frozen=True)
@@ -317,6 +326,7 @@ class DryRun:
 
     count: int
     events: tuple[FoundEvent, ...]
+    given_up: GivenUp | None = None
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from semap.rules.row import Row
@@ -24,6 +24,14 @@ class Bound:
         while bound is not None:
             yield bound
             bound = bound.before
+
+
+def chained(rows: Iterable[tuple[str, Row]]) -> Bound | None:
+    """The chain of rows with their variables, ascending; None of no row."""
+    bound: Bound | None = None
+    for variable, row in rows:
+        bound = Bound(variable, row, bound)
+    return bound
 
 
 @dataclass(frozen=True)

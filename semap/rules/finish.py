@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import TypeAlias
 
-from semap.rules.bound import Bound
+from semap.rules.bound import Bound, chained
 from semap.rules.program import Match
 from semap.rules.row import Row, Value
 
@@ -19,10 +19,8 @@ def finished(
     """One match of these rows, ascending; none where its type has no event or `finish` drops it."""
     if match_type is None:
         return ()
-    bound: Bound | None = None
     kept = tuple(rows)
-    for variable, row in kept:
-        bound = Bound(variable, row, bound)
+    bound = chained(kept)
     found = finish(bound, stamp_us) if bound is not None else ({}, None)
     if found is None:
         return ()

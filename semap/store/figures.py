@@ -30,9 +30,8 @@ SLOTS = text("""
 WORKER = text("""
     select p.event_seq, p.late_rows, p.updated_at,
            coalesce((select max(change_id) from semap.relation_change), 0),
-           coalesce((select jsonb_object_agg(r.id, jsonb_build_array(p.rule_state -> r.id ->> 'name', r.n))
-                     from jsonb_each(p.watermarks -> 'dropped') as r (id, n)
-                     where p.rule_state ? r.id), '{}')
+           coalesce((select jsonb_object_agg(rule_id, jsonb_build_array(r.name, g.attempts))
+                     from semap.rule_given_up g join semap.rule r using (rule_id)), '{}')
     from semap.progress p where p.worker = 'rules'
 """)
 RECEIVED = text("""
@@ -79,7 +78,7 @@ class SlotFigures:
 
 @dataclass(frozen=True)
 class WorkerFigures:
-    """dropped: attempts that were given up since the worker began, by the id of the rule, with its name."""
+    """dropped: attempts that the version in force gave up, by the id of the rule, with its name."""
 
     events: int
     late_rows: int

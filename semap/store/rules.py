@@ -15,9 +15,10 @@ from typing import Any, Protocol
 from sqlalchemy import Connection, delete, func, insert, select, update
 
 from semap.errors import Conflict, InvalidInput, NotFound
+from semap.model.given_up import GivenUp
 from semap.store.database import translated
 from semap.store.maps import map_id_of
-from semap.store.tables import continuous_query, map_, object_state, rule, rule_version
+from semap.store.tables import continuous_query, map_, object_state, rule, rule_given_up, rule_version
 from semap.timeline.stamp import EARLIEST, require_usual
 
 SINCE_EVER = EARLIEST
@@ -57,6 +58,7 @@ class Rule:
 
     queries        names of the continuous queries that it reads
     backfill_from  the stamp from which on this version was to run over what was stored before it
+    given_up       by this version, since too much was under way in a key
     """
 
     rule_id: int
@@ -67,6 +69,7 @@ class Rule:
     declaration: Mapping[str, object]
     enabled: bool
     backfill_from: datetime | None = None
+    given_up: GivenUp | None = None
 
 
 @dataclass(frozen=True)
@@ -283,17 +286,34 @@ def _suggestion(name: str, known: set[str], likeness: float = 0.6) -> str:
 
 
 def _rule(row: Sequence[Any]) -> Rule:
-    rule_id, map_name, name, version, queries, *rest = row
-    return Rule(rule_id, map_name, name, version, tuple(sorted(queries)), *rest)
+    rule_id, map_name, name, version, queries, declaration, enabled, backfill_from, *given_up = row
+    return Rule(
+        rule_id,
+        map_name,
+        name,
+        version,
+        tuple(sorted(queries)),
+        declaration,
+        enabled,
+        backfill_from,
+        None if given_up[0] is None else GivenUp(*given_up),
+    )
 
 
-_RULES = select(
-    rule.c.rule_id,
-    map_.c.name,
-    rule.c.name,
-    rule.c.version,
-    rule.c.queries,
-    rule.c.declaration,
-    rule.c.enabled,
-    rule.c.backfill_from,
-).join(map_, map_.c.map_id == rule.c.map_id)
+_RULES = (
+    select(
+        rule.c.rule_id,
+        map_.c.name,
+        rule.c.name,
+        rule.c.version,
+        rule.c.queries,
+        rule.c.declaration,
+        rule.c.enabled,
+        rule.c.backfill_from,
+        rule_given_up.c.attempts,
+        rule_given_up.c.first,
+        rule_given_up.c.key,
+    )
+    .join(map_, map_.c.map_id == rule.c.map_id)
+    .outerjoin(rule_given_up, rule_given_up.c.rule_id == rule.c.rule_id)
+)

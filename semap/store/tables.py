@@ -56,6 +56,15 @@ class PgLsn(UserDefinedType[str]):
         return "pg_lsn"
 
 
+class RegRole(UserDefinedType[str]):
+    """A role of the server, known by its number."""
+
+    cache_ok = True
+
+    def get_col_spec(self, **_: object) -> str:
+        return "regrole"
+
+
 def one_of(column: Column[Any], values: Iterable[object]) -> ColumnElement[bool]:
     """`column = any (values)`: one parameter, however many values there are."""
     return column == any_(literal(list(values), ARRAY(column.type)))
@@ -703,6 +712,16 @@ rule_query = Table(
     ),
 )
 
+rule_given_up = Table(
+    "rule_given_up",
+    VIEWS,
+    Column("rule_id", Integer),
+    Column("map_id", Integer),
+    Column("attempts", BigInteger),
+    Column("first", STAMP),
+    Column("key", JSONB),
+)
+
 rule_version = Table(
     "rule_version",
     METADATA,
@@ -917,5 +936,12 @@ token_map = Table(
     "token_map",
     METADATA,
     _ref("token_id", "token.token_id", primary_key=True),
+    _ref("map_id", "map.map_id", primary_key=True),
+)
+
+login_map = Table(
+    "login_map",
+    METADATA,
+    Column("login", RegRole, primary_key=True),
     _ref("map_id", "map.map_id", primary_key=True),
 )

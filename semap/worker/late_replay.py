@@ -8,8 +8,8 @@ those are for a recomputation to retract. The same again adds nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from math import isinf
 
@@ -17,6 +17,7 @@ import psycopg
 from psycopg.types.json import Jsonb
 
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
@@ -47,10 +48,11 @@ WINDOWS_BEFORE = 10
 
 @dataclass(frozen=True)
 class Replay:
-    """What was done: late rows given to the rules, events added."""
+    """What was done: late rows given to the rules, events added; what rules gave up in it, by name."""
 
     rows: int
     events: int
+    given_up: Mapping[str, GivenUp] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -65,20 +67,27 @@ class InForce:
 def replay_late(dsn: str, map_name: str | None = None) -> Replay:
     """Give late rows to the rules, those of one map or of all."""
     rows = events = 0
+    given_up: dict[str, GivenUp] = {}
     with connect(dsn, ROLE, application="semap rule replay-late") as connection, translated():
         late = connection.execute(LATE, [WORKER, map_name, map_name]).fetchall()
         for map_id, first, ids, released_us in late:
-            events += _replay(connection, map_id, to_us(first), released_us)
+            events += _replay(connection, map_id, to_us(first), released_us, given_up)
             connection.execute("select semap.retract_events(%s, %s)", [map_id, ids])
             connection.execute(
                 "update semap.late_row set replayed_at = clock_timestamp() where late_row_id = any (%s)",
                 [ids],
             )
             rows += len(ids)
-    return Replay(rows, events)
+    return Replay(rows, events, given_up)
 
 
-def _replay(connection: psycopg.Connection, map_id: int, first_us: int, released_us: int) -> int:
+def _replay(
+    connection: psycopg.Connection,
+    map_id: int,
+    first_us: int,
+    released_us: int,
+    given_up: dict[str, GivenUp],
+) -> int:
     """Run the rules of a map from the first late row to where they had come; those that are read first."""
     in_force = _rules(connection, map_id)
     names = frozenset(in_force)
@@ -86,7 +95,7 @@ def _replay(connection: psycopg.Connection, map_id: int, first_us: int, released
     order = order_of_rules({name: _rules_read(each.rule, names) for name, each in in_force.items()})
     added = 0
     for name in order:
-        found = _found(connection, in_force[name], names, facts, first_us, released_us)
+        found = _found(connection, in_force[name], names, facts, first_us, released_us, given_up)
         added += _add(connection, found)
     return added
 
@@ -98,6 +107,7 @@ def _found(
     facts: MapFacts,
     first_us: int,
     released_us: int,
+    given_up: dict[str, GivenUp],
 ) -> Sequence[Event]:
     """What a rule finds from the first late row on."""
     rule = in_force.rule.among(names)
@@ -108,7 +118,12 @@ def _found(
         with_held=looks_back(rule.declaration),
     )
     rows = history_rows(connection, rule, names, span, facts)
-    events = run_over([rule], enriched_for(connection, rule, rows), released_us)
+    events = run_over(
+        [rule],
+        enriched_for(connection, rule, rows),
+        released_us,
+        tell=lambda told, what: given_up.update({told.name: what}),
+    )
     return [event for event in events if event.stamp >= to_datetime(first_us)]
 
 

@@ -10,6 +10,7 @@ import psycopg
 
 from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.confidence import learn
 from semap.rules.declaration import Declaration
 from semap.rules.engine.needs import needs_of
@@ -85,10 +86,12 @@ def dry_run(
     end: datetime | None = None,
     most_rows: int | None = None,
     watch: Callable[[int], None] = lambda count: None,
+    tell: Callable[[Rule, GivenUp], None] = lambda rule, given_up: None,
 ) -> list[Event]:
     """The events that a rule would have made of stored rows with stamps from `start` to before `end`.
 
     watch   is told again and again how many events there are, and ends the run by raising
+    tell    is told at the end of what it gave up, because too much was under way in a key
     raises  NotFound if there is no such map, TooLarge if there are more than `most_rows` in a table,
             InvalidInput if it ends before it begins, or reads what was dropped since `start`
     """
@@ -103,7 +106,7 @@ def dry_run(
     rows = past.rows(rule, Span(from_us, end_us, with_held=looks_back(declaration), most_rows=most_rows))
     known_us = [row.stamp_us for row in rows[-1:]] + ([] if past.heard_us is None else [past.heard_us])
     until_us = max(known_us, default=0) if end_us is None else end_us
-    events = run_over([rule], rows, until_us, watch)
+    events = run_over([rule], rows, until_us, watch, tell)
     return events if start is None else [event for event in events if event.stamp >= start]
 
 

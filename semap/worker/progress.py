@@ -13,6 +13,7 @@ from psycopg.types.json import Jsonb
 
 from semap.errors import SlotLost
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.engine import Changes, Engine
 from semap.store.database import translated
@@ -71,10 +72,18 @@ class Progress:
     def watermarks_json(self) -> dict[str, object]:
         return {
             "committed_at_us": self.committed_at_us,
-            "dropped": self.engine.dropped,
+            "given_up": self._given_up_json(),
             "facts_at_us": self.facts_at_us,
             "maps": self.engine.watermarks_json(),
             "spoken_at_us": self.spoken_at_us,
+        }
+
+    def _given_up_json(self) -> dict[int, object]:
+        """As the view semap.rule_given_up reads it."""
+        rules = self.engine.rules
+        return {
+            rule_id: {"version": rules[rule_id].version, **each.as_json()}
+            for rule_id, each in self.engine.given_up.items()
         }
 
 
@@ -119,6 +128,10 @@ def load_progress(connection: psycopg.Connection) -> Progress:
             connection.execute(
                 "select map_id, row from semap.pending_row where worker = %s", [WORKER]
             ).fetchall(),
+            {
+                int(rule_id): GivenUp.from_json(each)
+                for rule_id, each in watermarks.get("given_up", {}).items()
+            },
         )
     return Progress(
         lsn=parse_lsn(lsn),

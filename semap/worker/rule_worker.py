@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from threading import Event as Signal
 
 import psycopg
@@ -85,7 +85,7 @@ class Reading:
         self._stretch = stretch
         self._committed_lsn = stretch.progress.lsn
         self._commit_due_s: float | None = None
-        self._dropped: Mapping[int, int] = {}
+        self._given_up = stretch.progress.engine.given_up
 
     def run(self, stop: Signal) -> Iterator[None]:
         while not stop.is_set():
@@ -116,15 +116,11 @@ class Reading:
 
     def _say_what_was_given_up(self) -> None:
         engine = self._stretch.progress.engine
-        dropped = engine.dropped
-        for rule_id, count in dropped.items():
-            if count > self._dropped.get(rule_id, 0):
-                log.warning(
-                    "Rule %s has given up %d attempts: too many were under way in one key. Give it a window.",
-                    engine.rules[rule_id].name,
-                    count,
-                )
-        self._dropped = dropped
+        given_up = engine.given_up
+        for rule_id, each in given_up.items():
+            if each != self._given_up.get(rule_id):
+                log.warning("Rule %s: %s", engine.rules[rule_id].name, each.as_text())
+        self._given_up = given_up
 
 
 def _slot(connection: psycopg.Connection) -> str:

@@ -44,4 +44,5 @@ def explain(
     # a match around the moment begins one window before it, and the one that it could not overlap before that
     held = looks_back(declaration)
     span = Span(at_us - 2 * reach_us, at_us + reach_us, with_held=held, most_rows=most_rows)
-    return explain_rows(declaration, past.rows(rule, span), at_us, key)
+    known_us = min(past.heard_us or 0, at_us + reach_us)
+    return explain_rows(declaration, past.rows(rule, span), at_us, key, known_us)

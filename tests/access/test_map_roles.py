@@ -17,7 +17,7 @@ SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_versi
           "retention"}  # fmt: skip
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
-    "job", "line_observation", "track_state", "region_cell", "region_edge", "rule_state", "pending_row",
+    "job", "login_map", "line_observation", "track_state", "region_cell", "region_edge", "rule_state", "pending_row",
     "region_wanted", "query_side", "side_track", "query_track_wanted",
     "pair_side", "pair_instance_wanted", "pair_track_wanted",
     "track_state_packed", "packed_state", "track_state_frame", "framed_state", "stored_state",
@@ -165,7 +165,7 @@ def test_functions_that_act_for_their_owner_are_called_by_those_they_are_for(
             [list(OF_MAPS)],
         )
     }
-    assert open_to <= {"undo_change_set", "finish_job", "concepts_as_of", *STATES}
+    assert open_to <= {"undo_change_set", "finish_job", "concepts_as_of", "visible_maps", *STATES}
 
 
 STATES = {
@@ -222,7 +222,7 @@ def test_no_view_shows_what_its_reader_may_not_see(owner: psycopg.Connection) ->
             [list(OF_MAPS)],
         )
     }
-    assert readable == {"kept_table", "track_place", "track_state_seen"}
+    assert readable == {"kept_table", "rule_given_up", "track_place", "track_state_seen"}
 
 
 PLANNED = (

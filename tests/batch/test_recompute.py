@@ -14,6 +14,7 @@ from world import SECOND_US, World
 
 from semap.batch.recompute import Plan, recompute
 from semap.errors import InvalidInput, NotFound
+from semap.rules.matching import pattern_program
 from semap.timeline.stamp import to_datetime
 
 DAY_US = 1_767_225_600 * SECOND_US
@@ -278,3 +279,25 @@ def test_relations_of_pairs_count_as_they_were_noted(scene: World) -> None:
     assert sorted(row[0] for row in log(scene)) == sorted(kinds)
     outcome = recompute(scene.dsn, Plan(scene.name, at(0), at(20)))
     assert outcome.counts() == {"confirmed": 5, "amended": 0, "retracted": 0, "added": 0}
+
+
+def test_a_rule_that_gives_up_says_so(scene: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also in the run that is kept, since what it retracts may be there all the same."""
+    monkeypatch.setattr(pattern_program, "RUNS_AT_MOST", 1)
+    together = {
+        "input": "track_in_room", "pattern": "A followed by B", "after_match": "skip to next row", "emit": "found",
+        "define": {"A": "type = 'began'", "B": "type = 'ended' and track = 'nobody'"}, "within": "1 h",
+    }  # fmt: skip
+    scene.run(
+        "insert into semap.rule (map_id, name, queries, declaration) values (%s, 'together', %s, %s)",
+        scene.map_id, json.dumps({"track_in_room": scene.query_id}), json.dumps(together),
+    )  # fmt: skip
+    for name, second in (("ann", 0), ("bob", 1)):
+        walk(scene, name, np.arange(0, 12.0) + second, np.arange(0, 12.0) * 1.0 - 3.6)
+    complete(scene, 20)
+    outcome = recompute(scene.dsn, Plan(scene.name, at(0), at(20)))
+    (given_up,) = outcome.given_up.values()
+    assert (list(outcome.given_up), given_up.attempts, given_up.key) == (["together"], 1, {})
+    assert abs((given_up.first - at(3.6)).total_seconds()) < 0.1
+    kept = scene.one("select settings -> 'given_up' from semap.recompute_run")
+    assert kept == {"together": given_up.as_json()}

@@ -82,3 +82,27 @@ def test_late_rows_are_replayed(world: World) -> None:
     assert said.strip().endswith("late rows replayed; 1 event added.")
     assert scene.events("opened_then_entered") == [("opened_then_entered", "ann", "east", 103.0)]
     assert done(world.dsn, "rule", "replay-late").strip() == "0 late rows replayed; 0 events added."
+
+
+def test_what_a_rule_gave_up_stands_beside_it(scene: DoorScene) -> None:
+    """The list and an explanation say it; what reads the list as JSON has it there."""
+    dsn = scene.world.dsn
+    done(dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
+    scene.world.run(
+        "update semap.progress set watermarks = watermarks || jsonb_build_object('given_up', (select"
+        " jsonb_object_agg(rule_id, jsonb_build_object('version', version, 'attempts', 12, 'first',"
+        " '2026-01-31T12:00:00+00:00', 'key', '{\"room\": \"east\"}'::jsonb)) from semap.rule"
+        " where name = 'opened_then_entered'))"
+    )
+    loss = (
+        "It gave up 12 attempts, as more than 10,000 were under way in one key; events that begin at"
+        " 2026-01-31T12:00:00Z or later may be missing (first of room east). Give it a window (within), a finer"
+        " partition_by, or an after_match that skips more."
+    )
+    assert semap(dsn, "rule", "list").stderr.splitlines() == [f"Rule opened_then_entered: {loss}"]
+    given_up = {each["name"]: each["given_up"] for each in json.loads(done(dsn, "rule", "list", "--json"))}
+    assert given_up["opened_then_entered"]["key"] == {"room": "east"}
+    assert given_up["room_visits"] is None
+    asked = ("rule", "explain", "opened_then_entered", "--key", "room=east", "--at", "1970-01-01T00:01:43Z")
+    assert done(dsn, *asked).splitlines()[-1] == f"Since version 1 is in force: {loss}"
+    assert semap(dsn, "rule", "show", "opened_then_entered").returncode == 0

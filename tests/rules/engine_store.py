@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from semap.model.given_up import GivenUp
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.map_engine import Late
 from semap.rules.engine.rule import Rule
@@ -16,7 +17,7 @@ class EngineStore:
         self.states: dict[tuple[int, str], str] = {}
         self.pending: dict[tuple[int, str], str] = {}
         self.late: list[Late] = []
-        self.progress = ("{}", "{}")
+        self.progress = ("{}", "{}", "{}")
 
     def take(self, engine: Engine) -> None:
         changes = engine.changes()
@@ -31,13 +32,15 @@ class EngineStore:
             assert (map_id, uid) not in self.pending
             self.pending[map_id, uid] = json.dumps(row)
         self.late += changes.late
-        self.progress = json.dumps(engine.rules_json()), json.dumps(engine.watermarks_json())
+        given_up = {rule_id: each.as_json() for rule_id, each in engine.given_up.items()}
+        self.progress = tuple(map(json.dumps, (engine.rules_json(), engine.watermarks_json(), given_up)))
 
     def restored(self) -> Engine:
-        rules, watermarks = map(json.loads, self.progress)
+        rules, watermarks, given_up = map(json.loads, self.progress)
         return Engine.restore(
             [Rule.from_json(int(rule_id), document) for rule_id, document in rules.items()],
             watermarks,
             [(rule_id, key, json.loads(state)) for (rule_id, key), state in self.states.items()],
             [(map_id, json.loads(row)) for (map_id, _), row in self.pending.items()],
+            {int(rule_id): GivenUp.from_json(each) for rule_id, each in given_up.items()},
         )

@@ -29,6 +29,7 @@ from scene import (
 
 from semap.errors import InvalidInput
 from semap.model.event import Event, Evidence
+from semap.model.given_up import GivenUp
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.event_identity import EVENT_NAMESPACE
 from semap.rules.engine.rule_order import order_of_rules
@@ -291,7 +292,7 @@ def test_what_was_given_up_is_counted_by_rule(monkeypatch: pytest.MonkeyPatch) -
     engine = engine_of(VISITS, document)
     arrive(engine, *(visit("ann", "kitchen", "began", at_s) for at_s in range(5)))
     release(engine, 9)
-    assert engine.dropped == {2: 2}
+    assert engine.given_up == {2: GivenUp(2, to_datetime(0), {"track": "ann"})}
 
 
 def test_a_deleted_map_takes_all_with_it() -> None:

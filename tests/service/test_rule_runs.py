@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 import shapely
+from rule_work import await_progress, running_worker
 from running import Service
 from semap_service.routes import rule_runs
 from world import World
+
+from semap.rules.matching import pattern_program
 
 VISITS = {"input": "track_in_room", "emit": {"began": "came", "ended": "went"}}
 STAYED = {
@@ -80,3 +83,56 @@ def test_an_explanation_says_what_held_or_failed(visits: World, service: Service
     assert (
         service.client.get("/rules/99/explanation", params={"at": "1970-01-01T00:00:12Z"}).status_code == 404
     )
+
+
+def test_what_is_given_up_is_told_with_the_rule_and_with_a_dry_run(
+    visits: World, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pattern_program, "RUNS_AT_MOST", 1)
+    together = {
+        **STAYED, "partition_by": ["room"], "within": "1 h", "after_match": "skip to next row",
+        "define": {"B": "type = 'began'", "L": "type = 'ended' and track = 'nobody'"},
+    }  # fmt: skip
+    answer = service.client.post("/rules/dry-run", json={"map": "world", "declaration": together}).json()
+    lost = {"first": "1970-01-01T00:00:10.000000Z", "key": {"room": "kitchen"}}
+    assert (answer["count"], answer["given_up"]) == (0, lost)
+    whole = {"map": "world", "declaration": STAYED}
+    assert service.client.post("/rules/dry-run", json=whole).json()["given_up"] is None
+
+    new = {"map": "world", "name": "together", "declaration": together}
+    rule_id = service.client.post("/rules", json=new).json()["id"]
+    assert service.client.get(f"/rules/{rule_id}").json()["given_up"] is None
+    with running_worker(visits.dsn):
+        visits.add_states([(visits.add_track(name), at_s * 1_000_000, 1, 1, None)
+                           for name, at_s in (("cat", 100), ("dan", 110))])  # fmt: skip
+        visits.run("update semap.source set watermark = to_timestamp(200)")
+        await_progress(visits.dsn)
+    lost["first"] = "1970-01-01T00:01:40.000000Z"
+    told = service.client.get(f"/rules/{rule_id}")
+    assert told.json()["given_up"] == lost
+    assert {each["name"]: each["given_up"] for each in service.client.get("/rules?map=world").json()["rules"]} == {
+        "room_visits": None, "together": lost,
+    }  # fmt: skip
+    explained = service.client.get(
+        f"/rules/{rule_id}/explanation", params={"at": "1970-01-01T00:01:40Z", "key": ["room=kitchen"]}
+    ).json()
+    assert "  It was given up: too much was under way in this key." in explained["lines"]
+    assert explained["lines"][-1].startswith(
+        "Since version 1 is in force: It gave up 1 attempt, as more than"
+    )
+    headers = {"If-Match": told.headers["etag"]}
+    path = f"/rules/{rule_id}"
+    assert service.client.patch(path, json={"enabled": False}, headers=headers).status_code == 200
+
+
+def test_a_moment_where_nothing_was_found_is_not_answered_with_another_match(
+    visits: World, service: Service
+) -> None:
+    """Ann's stay is within the window of the moment; at the moment itself there was nothing."""
+    new = {"map": "world", "name": "stays", "declaration": {**STAYED, "within": "1 min"}}
+    path = f"/rules/{service.client.post('/rules', json=new).json()['id']}/explanation"
+    key = {"key": ["track=ann", "room=kitchen"]}
+    answer = service.client.get(path, params={"at": "1970-01-01T00:00:30Z", **key}).json()
+    assert not answer["found"]
+    assert answer["lines"][-1] == "The nearest that it found: stay at 1970-01-01T00:00:12Z."
+    assert answer["lines"][1].startswith("it found nothing")

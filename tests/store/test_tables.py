@@ -5,13 +5,14 @@ from alembic.migration import MigrationContext
 from sqlalchemy import Engine
 from sqlalchemy.dialects.postgresql.base import ischema_names
 
-from semap.store.tables import METADATA, PgLsn
+from semap.store.tables import METADATA, PgLsn, RegRole
 
 NOT_DECLARED = ("schema_version", "line_observation_", "track_state_default")
 
 
 def test_tables_are_those_of_the_migrations(engine: Engine, monkeypatch) -> None:
     monkeypatch.setitem(ischema_names, "pg_lsn", PgLsn)
+    monkeypatch.setitem(ischema_names, "regrole", RegRole)
 
     def include_name(name: str | None, kind: str, parents: dict) -> bool:
         if kind == "schema":

@@ -21,8 +21,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.engine.map_engine import Late, MapEngine
 from semap.rules.engine.needs import Needs
 from semap.rules.engine.rule import Rule
@@ -114,10 +116,9 @@ class Engine:
         return self._on(map_id).sources.released_us
 
     @property
-    def dropped(self) -> Mapping[int, int]:
-        """By rule, what was given up because too much was under way in a key, since the engine was made."""
-        runs = (run for on_map in self._maps.values() for run in on_map.runs.items())
-        return {rule_id: run.dropped for rule_id, run in runs if run.dropped}
+    def given_up(self) -> Mapping[int, GivenUp]:
+        """By rule, what its version gave up because too much was under way in a key."""
+        return {rule_id: each for on_map in self._maps.values() for rule_id, each in on_map.given_up.items()}
 
     def arrive(self, map_id: int, row: Row, late_ok: bool = False) -> list[Event]:
         """Take a row off the log; gives the events of rules that need no order.
@@ -217,8 +218,9 @@ class Engine:
         watermarks: Mapping[str, Mapping[str, object]],
         states: Iterable[tuple[int, str, object]],
         pending: Iterable[tuple[int, object]],
+        given_up: Mapping[int, GivenUp] = MappingProxyType({}),
     ) -> Engine:
-        """The engine of which this was stored: rules, watermarks, (rule, key, state) and (map, row)."""
+        """The engine of which this was stored: rules, watermarks, (rule, key, state), (map, row)."""
         engine = Engine()
         for rule in rules:
             engine.change_rule(rule.rule_id, rule)
@@ -229,6 +231,9 @@ class Engine:
                 engine._on(engine._rules[rule_id].map_id).load(rule_id, text, state)
         for on_map_id, row in pending:
             engine._on(on_map_id).waiting.load(load_row(row))
+        for rule_id, each in given_up.items():
+            if rule_id in engine._rules:
+                engine._on(engine._rules[rule_id].map_id).note_given_up(rule_id, each)
         for on_map in engine._maps.values():
             engine._forget_failed(on_map)
             on_map.set_timers()

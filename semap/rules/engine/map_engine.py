@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.engine.flow import Flow
 from semap.rules.engine.needs import is_at_once
 from semap.rules.engine.plan import Plan, plan_of
@@ -54,6 +55,7 @@ class MapEngine:
         self._waits = self._flow.plan.waiting()
         self._rules: dict[int, Rule] = {}
         self._runs: dict[int, RuleRun] = {}
+        self._given_up: dict[int, GivenUp] = {}
 
     @property
     def plan(self) -> Plan:
@@ -62,6 +64,12 @@ class MapEngine:
     @property
     def runs(self) -> Mapping[int, RuleRun]:
         return self._runs
+
+    @property
+    def given_up(self) -> Mapping[int, GivenUp]:
+        """By rule, what its version gave up, also if the rule rests now."""
+        at_work = {rule_id: run.given_up for rule_id, run in self._runs.items() if run.given_up is not None}
+        return {**self._given_up, **at_work}
 
     def change_rule(self, rule_id: int, rule: Rule | None) -> None:
         """A rule is added, replaced or (None) removed; one that says the same goes on as it was.
@@ -84,7 +92,21 @@ class MapEngine:
         if rule_id in self._runs:
             self.dropped.update((rule_id, text) for text in self._runs[rule_id].stored())
         self._waits = self._flow.plan.waiting()
+        known = self._rules.get(rule_id)
+        given_up = self.given_up.get(rule_id) if rule and known and known.version == rule.version else None
         self._rules, self._runs = rules, runs
+        self.note_given_up(rule_id, given_up)
+
+    def note_given_up(self, rule_id: int, given_up: GivenUp | None) -> None:
+        """What a version of a rule gave up before it was put to work here."""
+        self._given_up.pop(rule_id, None)
+        if given_up is None:
+            return
+        run = self._runs.get(rule_id)
+        if run is None:
+            self._given_up[rule_id] = given_up
+        else:
+            run.given_up = given_up if run.given_up is None else run.given_up + given_up
 
     def arrive(self, row: Row, late_ok: bool = False) -> list[Event]:
         """Take a row off the log; gives the events of rules that need no order."""

@@ -7,14 +7,16 @@ from heapq import heappush
 from itertools import count
 from typing import TypeAlias
 
+from semap.model.given_up import GivenUp
 from semap.rules.compilation import compile_rule, compile_where
 from semap.rules.engine.event_making import EventMaker
-from semap.rules.engine.partition import Key, key_reader, key_text, read_key
+from semap.rules.engine.partition import Key, key_reader, key_text, part_of, read_key
 from semap.rules.engine.preparation import Preparation
 from semap.rules.engine.presence import is_place
 from semap.rules.engine.rule import Rule
 from semap.rules.program import Match, State
 from semap.rules.row import Row
+from semap.timeline.stamp import to_datetime
 
 Found: TypeAlias = tuple[Key, Match]
 
@@ -33,7 +35,8 @@ class Timers:
 class RuleRun:
     """Mutable. `take` and `fire` give what was found, by key.
 
-    place  among the rules of the map, those that it reads before it
+    place     among the rules of the map, those that it reads before it
+    given_up  because too much was under way in a key, since this version of the rule is in force
     """
 
     def __init__(self, rule: Rule, timers: Timers) -> None:
@@ -42,7 +45,9 @@ class RuleRun:
         self.place = 0
         self.maker = EventMaker(rule)
         self._timers = timers
+        self.given_up: GivenUp | None = None
         self._program = compile_rule(declaration)
+        self._excess: list[Row] = getattr(self._program, "given_up", [])
         self._step = self._program.step
         self._deadline_us = self._program.deadline_us
         self._where = compile_where(declaration)
@@ -99,6 +104,8 @@ class RuleRun:
 
     def _keep(self, key: Key, state: State | None, earliest_us: int | None = None) -> None:
         self._changed.add(key)
+        if self._excess:
+            self._note_given_up()
         if state is None:
             self._states.pop(key, None)
             return
@@ -111,6 +118,11 @@ class RuleRun:
         if earliest_us is not None and deadline_us < earliest_us:
             deadline_us = earliest_us
         self._arm(key, deadline_us)
+
+    def _note_given_up(self) -> None:
+        given_up = given_up_of(self.rule.declaration.partition_by, self._excess)
+        self.given_up = given_up if self.given_up is None else self.given_up + given_up
+        self._excess.clear()
 
     def _arm(self, key: Key, deadline_us: int) -> None:
         self._armed[key] = deadline_us
@@ -129,11 +141,6 @@ class RuleRun:
             deadline_us = self._deadline_us(state)
             if deadline_us is not None:
                 self._arm(key, deadline_us)
-
-    @property
-    def dropped(self) -> int:
-        """What was given up because too much was under way in a key, since the rule was put to work here."""
-        return int(getattr(self._program, "dropped", 0))
 
     def changes(self) -> Iterable[tuple[str, object]]:
         """What is to be stored since the last call: texts of keys with states as JSON, None for no state."""
@@ -156,3 +163,10 @@ class RuleRun:
         yield from map(key_text, self._states.keys() | self._changed)
         if self._presence is not None:
             yield from self._presence.texts()
+
+
+def given_up_of(partition_by: Sequence[str], firsts: Sequence[Row]) -> GivenUp:
+    """What was given up in one key: attempts that began with these rows."""
+    first = min(firsts, key=lambda row: row.order)
+    key = {name: part_of(first.values, name.split(".")) for name in partition_by}
+    return GivenUp(len(firsts), to_datetime(first.own_stamp_us), key)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.waiting import stamp_of
@@ -20,11 +21,13 @@ def run_over(
     rows: Iterable[Row],
     until_us: int,
     watch: Callable[[int], None] = lambda count: None,
+    tell: Callable[[Rule, GivenUp], None] = lambda rule, given_up: None,
 ) -> list[Event]:
     """The events that rules of one map make of these rows, in any order, and of time up to `until_us`.
 
     Rows after `until_us` make only events of rules that need no order.
     watch   is told again and again how many events there are, and ends the run by raising
+    tell    is told at the end of what a rule gave up, because too much was under way in a key
     raises  InvalidInput as `Engine.change_rule`
     """
     engine = Engine()
@@ -43,7 +46,10 @@ def run_over(
             in_order += engine.release()
             watch(len(at_once) + len(in_order))
         engine.watermark(map_id, 0, until_us)
-    return at_once + in_order + engine.release()
+    events = at_once + in_order + engine.release()
+    for rule_id, given_up in engine.given_up.items():
+        tell(engine.rules[rule_id], given_up)
+    return events
 
 
 def _in_turn(rows: Iterable[Row]) -> Iterator[list[Row]]:

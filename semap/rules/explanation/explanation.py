@@ -6,13 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from semap.errors import InvalidInput
+from semap.model.given_up import GivenUp
 from semap.rules.bound import Bound
 from semap.rules.compilation import compile_rule
 from semap.rules.declaration import Declaration, Edges, RowPattern
 from semap.rules.engine.partition import part_of
 from semap.rules.engine.preparation import Preparation
+from semap.rules.engine.rule_run import given_up_of
 from semap.rules.explanation.asking import Asked, ask
 from semap.rules.explanation.condition_text import write_value
+from semap.rules.explanation.moment import Moment
 from semap.rules.explanation.near_miss import NearMiss, find_near_miss
 from semap.rules.program import Match, Program
 from semap.rules.row import Row
@@ -25,12 +28,14 @@ SAID = ("input", "type", "track", "subject", "instance", "other", "direction")
 
 @dataclass(frozen=True)
 class Explanation:
-    """The match nearest to a moment, or what came nearest to one.
+    """What a rule found at a moment, or why it found nothing there.
 
-    match      None if there is none near the moment
+    match      one in which the moment lies; None if there is none
     held       of a match: the condition of each of its rows
-    near_miss  without a match: how far it came
+    near_miss  without a match, or where something else was under way at a moment within one: how far it came
     left_out   without any row of the key: the row nearest to the moment that `where` left out
+    nearest    without a match: the one that is nearest to the moment, if one is near
+    given_up   in this key around the moment, because too much was under way
     """
 
     rule_name: str
@@ -40,6 +45,8 @@ class Explanation:
     held: tuple[Asked, ...] = ()
     near_miss: NearMiss | None = None
     left_out: Asked | None = None
+    nearest: Match | None = None
+    given_up: GivenUp | None = None
 
     def as_text(self) -> str:
         """For a person to read: one fact a line."""
@@ -57,12 +64,19 @@ class Explanation:
                 yield f"  confidence {self.match.confidence:.3g}"
             for asked in self.held:
                 yield from _asked_lines(asked)
+            if self.near_miss is not None:
+                yield "Beside that, something came to nothing at this moment."
+                yield from _near_miss_lines(self.near_miss)
         elif self.near_miss is None:
             yield "it read no row of this key near that time."
             if self.left_out is not None:
                 yield from _asked_lines(self.left_out)
         else:
             yield from _near_miss_lines(self.near_miss)
+        if self.nearest is not None:
+            yield f"The nearest that it found: {_match(self.nearest)}."
+        if self.given_up is not None:
+            yield f"Around that time: {self.given_up.as_text()}"
 
 
 def explain(
@@ -70,12 +84,14 @@ def explain(
     rows: Iterable[Row],
     at_us: int,
     key: Mapping[str, object] | None = None,
+    known_us: int = 0,
 ) -> Explanation:
     """Why a rule found something at a moment in a key, or did not.
 
-    rows    of the rule's inputs, around the moment, with what the rule needs of them; in any order
-    key     for each property of `partition_by` its value, by names: {"room": "Room07"}
-    raises  InvalidInput if the key is not that of the rule
+    rows      of the rule's inputs, around the moment, with what the rule needs of them; in any order
+    key       for each property of `partition_by` its value, by names: {"room": "Room07"}
+    known_us  up to which stamp all rows are there
+    raises    InvalidInput if the key is not that of the rule
     """
     wanted = _checked(declaration, key or {})
     preparation = Preparation(declaration)
@@ -86,12 +102,29 @@ def explain(
     nothing = Explanation(declaration.name, wanted, at_us)
     if not taken:
         return replace(nothing, left_out=min(where, key=lambda asked: _away_us(asked, at_us), default=None))
-    match = _match_near(declaration, taken, at_us)
-    if match is not None:
-        return replace(nothing, match=match, held=tuple(_held(declaration, match)))
+    moment = Moment.at(at_us)
+    program = compile_rule(declaration)
+    until_us = max(taken[-1].stamp_us, moment.until_us, known_us)
+    found = list(_matches(program, taken, until_us))
+    nearest = min(found, key=lambda match: _outside_us(match, moment), default=None)
+    lost = getattr(program, "given_up", [])
+    nothing = replace(nothing, given_up=given_up_of(declaration.partition_by, lost) if lost else None)
+    near_miss = _why_not(declaration, taken, moment, found, until_us)
+    if nearest is not None and not _outside_us(nearest, moment):
+        is_its_own = any(map(moment.has, (nearest.stamp_us, *(row.stamp_us for _, row in nearest.rows))))
+        beside = None if is_its_own or near_miss is None or not near_miss.says_more else near_miss
+        return replace(nothing, match=nearest, held=tuple(_held(declaration, nearest)), near_miss=beside)
+    if nearest is not None and _outside_us(nearest, moment) >= (declaration.within.match_us or NEAR_US):
+        nearest = None
+    return replace(nothing, near_miss=near_miss or NearMiss(), nearest=nearest)
+
+
+def _why_not(
+    declaration: Declaration, rows: Sequence[Row], moment: Moment, found: Sequence[Match], until_us: int
+) -> NearMiss | None:
     if isinstance(declaration.body, RowPattern):
-        return replace(nothing, near_miss=find_near_miss(declaration, taken, at_us))
-    return replace(nothing, near_miss=NearMiss(asked=tuple(_nearest(declaration, taken, at_us))))
+        return find_near_miss(declaration, rows, moment, found, until_us)
+    return NearMiss(asked=tuple(_nearest(declaration, rows, moment)), is_distant=True)
 
 
 def _checked(declaration: Declaration, key: Mapping[str, object]) -> dict[str, object]:
@@ -111,17 +144,6 @@ def _is_of(row: Row, key: Mapping[str, object]) -> bool:
         (part := part_of(row.values, name.split("."))) is not None and str(part) == str(value)
         for name, value in key.items()
     )
-
-
-def _match_near(declaration: Declaration, rows: Sequence[Row], at_us: int) -> Match | None:
-    """The match that is nearest to a moment, if it is within the window (or some seconds) of it."""
-    near_us = declaration.within.match_us or NEAR_US
-    near = [
-        (away_us, match)
-        for match in _matches(compile_rule(declaration), rows, max(rows[-1].stamp_us, at_us))
-        if (away_us := _outside_us(match, at_us)) < near_us
-    ]
-    return min(near, key=lambda found: found[0])[1] if near else None
 
 
 def _matches(program: Program, rows: Sequence[Row], until_us: int) -> Iterator[Match]:
@@ -147,19 +169,19 @@ def _held(declaration: Declaration, match: Match) -> Iterator[Asked]:
         bound = Bound(variable, row, bound)
 
 
-def _outside_us(match: Match, at_us: int) -> int:
+def _outside_us(match: Match, moment: Moment) -> int:
     """How far the moment is before the first row of a match or after its end."""
     first_us = match.rows[0][1].stamp_us if match.rows else match.stamp_us
-    return max(first_us - at_us, at_us - match.stamp_us, 0)
+    return max(first_us - moment.until_us, moment.from_us - match.stamp_us, 0)
 
 
-def _nearest(declaration: Declaration, rows: Sequence[Row], at_us: int) -> Iterator[Asked]:
+def _nearest(declaration: Declaration, rows: Sequence[Row], moment: Moment) -> Iterator[Asked]:
     """The condition of each variable, asked of the row that fails in fewest parts and is nearest."""
     if isinstance(declaration.body, Edges):
-        yield ask("", None, min(rows, key=lambda row: abs(row.stamp_us - at_us)), None, None)
+        yield ask("", None, min(rows, key=lambda row: moment.away_us(row.stamp_us)), None, None)
     for variable, condition in declaration.define.items():
         asked = [ask(variable, condition, row, None, None) for row in rows]
-        yield min(asked, key=lambda each: (each.failed, _away_us(each, at_us)))
+        yield min(asked, key=lambda each: (each.failed, moment.away_us(each.row.stamp_us)))
 
 
 def _away_us(asked: Asked, at_us: int) -> int:
@@ -167,7 +189,18 @@ def _away_us(asked: Asked, at_us: int) -> int:
 
 
 def _near_miss_lines(near_miss: NearMiss) -> Iterator[str]:
-    yield "it found nothing." + (" The furthest that it came:" if near_miss.bound else "")
+    if near_miss.matched_us is not None:
+        yield from _lost_lines(near_miss)
+        return
+    if near_miss.is_distant and near_miss.bound:
+        yield "it found nothing: no attempt was under way at that time."
+        if near_miss.beginning:
+            yield "  What came nearest to beginning one:"
+        for asked in near_miss.beginning:
+            yield from _asked_lines(asked)
+        yield "  The attempt nearest to it:"
+    else:
+        yield "it found nothing." + (" The furthest that it came:" if near_miss.bound else "")
     yield from _bound_lines(near_miss.bound)
     for asked in near_miss.came:
         yield f"  {asked.variable} was to be absent, but came:"
@@ -177,10 +210,37 @@ def _near_miss_lines(near_miss: NearMiss) -> Iterator[str]:
         yield "  What came nearest to being next:" if near_miss.bound else "  What came nearest:"
     for asked in awaited:
         yield from _asked_lines(asked)
+    yield from _ending_lines(near_miss)
+    if near_miss.others:
+        yield f"  Other attempts under way at that time, none of which came further: {near_miss.others}."
+
+
+def _ending_lines(near_miss: NearMiss) -> Iterator[str]:
     if near_miss.is_open:
         yield "  It is still under way."
+    elif near_miss.given_up:
+        yield "  It was given up: too much was under way in this key."
     elif near_miss.ended_us is not None:
         yield f"  Its window ended at {_at(near_miss.ended_us)}."
+    elif near_miss.ended_by is not None:
+        yield f"  It was ended by {_row(near_miss.ended_by)}."
+
+
+def _lost_lines(near_miss: NearMiss) -> Iterator[str]:
+    """Of rows that match, and of which the rule makes no event."""
+    yield "it found nothing, though these rows match:"
+    yield from _bound_lines(near_miss.bound)
+    if near_miss.skipped_by is not None:
+        yield f"  They were skipped after another match (after_match): {_match(near_miss.skipped_by)}."
+        yield from _bound_lines(near_miss.skipped_by.rows)
+    elif near_miss.confidence is not None:
+        yield f"  It was too unsure: confidence {near_miss.confidence:.3g} is less than at_least."
+    else:
+        yield "  The rule makes no event of a match (emit), or had given it up."
+
+
+def _match(match: Match) -> str:
+    return f"{match.type} at {_at(match.stamp_us)}"
 
 
 def _bound_lines(rows: Iterable[tuple[str, Row]]) -> Iterator[str]:

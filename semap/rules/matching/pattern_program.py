@@ -3,7 +3,7 @@
 Every row may begin an attempt; an attempt is an ordered list of runs (as in Pike's virtual machine), taken on
 by each row through the moves of the automaton. What is found is given as soon as nothing preferred to it is
 possible any more, by rows or by the watermark. Memory of a key is bounded by the windows, and without one by
-RUNS_AT_MOST: the oldest attempts go first and are counted.
+RUNS_AT_MOST: the oldest attempts go first, and are noted.
 
 What a step did is remembered where the same must come of it again (`shape`).
 """
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from operator import is_not
 from typing import TypeAlias
 
+from semap.model.given_up import MOST_UNDER_WAY
 from semap.rules.bound import Bound, Condition
 from semap.rules.declaration import AfterMatch, Windows
 from semap.rules.finish import Finish
@@ -28,7 +29,7 @@ from semap.rules.pattern import Node
 from semap.rules.program import Match
 from semap.rules.row import Row
 
-RUNS_AT_MOST = 10_000
+RUNS_AT_MOST = MOST_UNDER_WAY
 FEW = 16
 PRUNED_AFTER = 4
 """Windows after which a key is looked at again only to forget what has ended."""
@@ -40,7 +41,6 @@ class PatternState:
 
     before       the last row, where a condition reads it
     deadline_us  when time alone changes something
-    dropped      attempts given up because there were too many runs
     run_count    of all attempts
     outlooks     of all runs, once someone has asked for them
     """
@@ -48,7 +48,6 @@ class PatternState:
     attempts: tuple[Attempt, ...]
     before: Row | None
     deadline_us: int
-    dropped: int = 0
     run_count: int = field(default=0, compare=False)
     outlooks: frozenset[Outlook] | None = field(default=None, compare=False)
 
@@ -59,7 +58,7 @@ State: TypeAlias = PatternState | Brief
 class PatternProgram:
     """Implements `Program`. Frozen but for what it remembers of what it has worked out already.
 
-    dropped  attempts given up because there were too many runs, in all keys since it was made
+    given_up  the first rows of attempts that were given up because there were too many runs; to be cleared
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class PatternProgram:
     ) -> None:
         keep_all = after_match.skip == "none"
         self.automaton = automaton
-        self.dropped = 0
+        self.given_up: list[Row] = []
         self.runner = Runner(automaton, keep_all=keep_all, times_out=timeout_type is not None)
         self._succession = Succession(AfterMatch("to next") if keep_all else after_match, self.runner)
         self._past_last = after_match.skip == "past last"
@@ -131,8 +130,11 @@ class PatternProgram:
 
     def _learn(self, brief: Brief, state: State | None, row: Row) -> tuple[State | None, tuple[Match, ...]]:
         """Take a step of which nothing is remembered yet."""
+        known = len(self.given_up)
         after, ends = self._step(state, row)
-        if after is state and not ends:
+        if len(self.given_up) > known:
+            pass  # which attempts are given up depends on more than the shape
+        elif after is state and not ends:
             brief.shape.remember(row, None)
         elif after is None or isinstance(after, Brief):
             turn = turn_of(brief, row, after, ends)
@@ -153,7 +155,7 @@ class PatternProgram:
             begun = self.runner.begin(row, None, answered, ends)
             if begun is None and not ends and not self._reads_before:
                 return None, ends
-            return self._settled([] if begun is None else [begun], row, 0, ends), ends
+            return self._settled([] if begun is None else [begun], row, ends), ends
         attempts, before = state.attempts, state.before
         changed = row.stamp_us >= state.deadline_us
         if changed:
@@ -175,7 +177,7 @@ class PatternProgram:
                 moved.append(begun)
         changed = changed or len(moved) > len(attempts) or any(map(is_not, moved, attempts))
         if changed or ends or self._reads_before:
-            return self._settled(moved, row, state.dropped, ends), ends
+            return self._settled(moved, row, ends), ends
         return state, ends
 
     def advance(self, state: State | None, watermark_us: int) -> tuple[State | None, tuple[Match, ...]]:
@@ -188,7 +190,7 @@ class PatternProgram:
         before = state.before
         if before is not None and now_us >= self._forgotten_us(before):
             before = None
-        after = self._settled(expired, before, state.dropped, ends)
+        after = self._settled(expired, before, ends)
         return after, self._matches(ends) if ends else ()
 
     def deadline_us(self, state: State | None) -> int | None:
@@ -203,8 +205,7 @@ class PatternProgram:
         return dump_state(state)
 
     def load(self, document: object) -> State:
-        attempts, before, dropped = load_state(document, self.automaton, self.runner)
-        state = self._state(attempts, before, dropped)
+        state = self._state(*load_state(document, self.automaton, self.runner))
         assert state is not None  # noqa: S101
         return state
 
@@ -219,11 +220,11 @@ class PatternProgram:
             return state
         run_count = state.run_count + len(begun.runs)
         if is_over(begun) or run_count > RUNS_AT_MOST:
-            return self._settled([*state.attempts, begun], None, state.dropped, ends)
+            return self._settled([*state.attempts, begun], None, ends)
         outlooks = state.outlooks and state.outlooks.union(run.outlook for run in begun.runs)
         deadline_us = min(state.deadline_us, begun.deadline_us)
         attempts = (*state.attempts, begun)
-        return PatternState(attempts, None, deadline_us, state.dropped, run_count, outlooks)
+        return PatternState(attempts, None, deadline_us, run_count, outlooks)
 
     def _expired(self, attempts: Iterable[Attempt], now_us: int, ends: list[Ending]) -> list[Attempt]:
         expire = self.runner.expire
@@ -238,9 +239,7 @@ class PatternProgram:
         runs = tuple(run for run in begun.runs if run.outlook not in decided)
         return replace(begun, runs=runs) if runs else None
 
-    def _settled(
-        self, attempts: list[Attempt], before: Row | None, dropped: int, ends: list[Ending]
-    ) -> State | None:
+    def _settled(self, attempts: list[Attempt], before: Row | None, ends: list[Ending]) -> State | None:
         """The next state; what is certain now is added to `ends`.
 
         before  the row before the next one, if conditions read it
@@ -251,13 +250,12 @@ class PatternProgram:
                 break
         if not self._reads_before:
             before = None
-        given_up = drop_excess(attempts)
-        self.dropped += given_up
-        return self._state(attempts, before, dropped + given_up)
+        self.given_up += drop_excess(attempts)
+        return self._state(attempts, before)
 
-    def _state(self, attempts: Sequence[Attempt], before: Row | None, dropped: int) -> State | None:
+    def _state(self, attempts: Sequence[Attempt], before: Row | None) -> State | None:
         if attempts and self._shapes is not None:
-            brief = self._shapes.brief(attempts, dropped)
+            brief = self._shapes.brief(attempts)
             if brief is not None:
                 return brief
         if len(attempts) == 1:
@@ -269,7 +267,7 @@ class PatternProgram:
         else:
             return None
         run_count = sum([len(attempt.runs) for attempt in attempts])
-        return PatternState(tuple(attempts), before, deadline_us, dropped, run_count)
+        return PatternState(tuple(attempts), before, deadline_us, run_count)
 
     def _forgotten_us(self, before: Row) -> int:
         """When the row before is no longer within the match window."""
@@ -293,11 +291,12 @@ class PatternProgram:
         return tuple(matches)
 
 
-def drop_excess(attempts: list[Attempt]) -> int:
-    """Give up the oldest attempts while there are more than RUNS_AT_MOST runs; returns how many."""
-    dropped = 0
-    excess = sum(len(attempt.runs) for attempt in attempts) - RUNS_AT_MOST
+def drop_excess(attempts: list[Attempt]) -> list[Row]:
+    """Give up the oldest attempts while there are more than RUNS_AT_MOST runs; returns their first rows."""
+    given_up = []
+    excess = sum([len(attempt.runs) for attempt in attempts]) - RUNS_AT_MOST
     while excess > 0:
-        excess -= len(attempts.pop(0).runs)
-        dropped += 1
-    return dropped
+        oldest = attempts.pop(0)
+        excess -= len(oldest.runs)
+        given_up.append(oldest.first)
+    return given_up

@@ -60,10 +60,10 @@ class Turn:
             return None
         if self.begins is not None:
             bound = Bound(self.begins, row)
-            return Brief(shape, (row,), (bound,), row.stamp_us + shape.match_us, before.dropped)
+            return Brief(shape, (row,), (bound,), row.stamp_us + shape.match_us)
         firsts = tuple([before.firsts[place] if place >= 0 else row for place in self.firsts])
         bounds = tuple([chain(origin, before, row) for origin in self.bounds])
-        return Brief(shape, firsts, bounds, firsts[0].stamp_us + shape.match_us, before.dropped)
+        return Brief(shape, firsts, bounds, firsts[0].stamp_us + shape.match_us)
 
 
 UNKNOWN = Turn(None, (), (), None)
@@ -130,7 +130,6 @@ class Brief:
     firsts: tuple[Row, ...]
     bounds: tuple[Bound, ...]
     deadline_us: int
-    dropped: int = 0
 
     @property
     def attempts(self) -> tuple[Attempt, ...]:
@@ -167,7 +166,7 @@ class Shapes:
         self._shapes: dict[tuple[tuple[Outlook, ...], ...], Shape] = {}
         self.none = Brief(self._shape(()), (), (), 2**64)
 
-    def brief(self, attempts: Sequence[Attempt], dropped: int) -> Brief | None:
+    def brief(self, attempts: Sequence[Attempt]) -> Brief | None:
         """The state of these attempts by its shape; None where it is not to be remembered."""
         if len(attempts) > RUNS_AT_MOST:
             return None
@@ -184,7 +183,7 @@ class Shapes:
                 return None
             shape = self._shape(outlooks)
         firsts = tuple(attempt.first for attempt in attempts)
-        return Brief(shape, firsts, bounds, firsts[0].stamp_us + self._match_us, dropped)
+        return Brief(shape, firsts, bounds, firsts[0].stamp_us + self._match_us)
 
     def _shape(self, outlooks: tuple[tuple[Outlook, ...], ...]) -> Shape:
         tests = dict(
@@ -198,7 +197,7 @@ class Shapes:
 
 def turn_of(before: Brief, row: Row, after: Brief | None, ends: Sequence[Ending]) -> Turn | None:
     """What the row did; None where it could do something else with other rows and the same answers."""
-    if len(ends) > 1 or (after is not None and after.dropped != before.dropped):
+    if len(ends) > 1:
         return None
     if ends and ends[0].bound.row is not row and len(before.firsts) > 1:
         return None  # which attempts a match skips that ended before this row depends on their rows

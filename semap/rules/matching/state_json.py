@@ -65,7 +65,6 @@ def dump_state(state: State) -> object:
     return {
         "attempts": attempts,
         "before": before,
-        "dropped": state.dropped,
         "rows": tables.rows,
         "chains": [list(chain) for chain in tables.chains],
     }
@@ -73,15 +72,15 @@ def dump_state(state: State) -> object:
 
 def load_state(
     document: object, automaton: Automaton, runner: Runner
-) -> tuple[tuple[Attempt, ...], Row | None, int]:
-    """The attempts, the row before and the count of dropped attempts that `dump_state` wrote."""
+) -> tuple[tuple[Attempt, ...], Row | None]:
+    """The attempts and the row before that `dump_state` wrote."""
     fields = cast(Mapping[str, Any], document)
     rows = [load_row(row) for row in fields["rows"]]
     chains: list[Bound] = []
     for variable, row, before in fields["chains"]:
         chains.append(Bound(variable, rows[row], chains[before] if before is not None else None))
     attempts = tuple(_load_attempt(each, rows, chains, automaton, runner) for each in fields["attempts"])
-    return attempts, rows[fields["before"]] if fields["before"] is not None else None, fields["dropped"]
+    return attempts, rows[fields["before"]] if fields["before"] is not None else None
 
 
 def _load_attempt(

@@ -11,17 +11,18 @@ this name, only at those that begin an interval of it. Without, one begins at th
 the next at the row that comes after its verdict. What is asked is the formula at the moment of that row.
 
 Bounds of memory: what holds now; each evaluation until its verdict, at most MOST_EVALUATIONS in a key (the
-oldest one goes first, without a verdict, and is counted); the signals from the first moment that matters to
+oldest one goes first, without a verdict, and is noted); the signals from the first moment that matters to
 one of them (see semap.rules.temporal.progression).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 
+from semap.model.given_up import MOST_UNDER_WAY
 from semap.rules.bound import Condition
 from semap.rules.finish import Finish, finished
 from semap.rules.formula import Formula
@@ -35,7 +36,7 @@ from semap.rules.temporal.progression import interest_us, progressed
 from semap.rules.temporal.spans import clipped, union
 from semap.rules.temporal.tautology import without_tautologies
 
-MOST_EVALUATIONS = 10_000
+MOST_EVALUATIONS = MOST_UNDER_WAY
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class FormulaProgram:
 
     A match has the row that began the evaluation, bound to `when` (or to the empty name), and the row that
     decided it (of several at that moment the last), bound to the atom that it changed; none where time did.
+
+    given_up  the rows that began evaluations that were given up, as there were too many; to be cleared
     """
 
     formula: Formula
@@ -54,6 +57,7 @@ class FormulaProgram:
     conditions: Mapping[str, Condition]
     emits: Mapping[str, str]
     finish: Finish
+    given_up: list[Row] = field(default_factory=list, compare=False)
 
     @cached_property
     def _asked(self) -> Formula:
@@ -75,10 +79,10 @@ class FormulaProgram:
         starts = self._starts(row, names, before)
         if holding == before.holding and not starts:
             return given
-        evaluations, dropped = before.evaluations, before.dropped
+        evaluations = before.evaluations
         if starts:
             kept = evaluations[-MOST_EVALUATIONS + 1 :]
-            dropped += len(evaluations) - len(kept)
+            self.given_up.extend(each.row for each in evaluations[: len(evaluations) - len(kept)])
             evaluations = (*kept, Evaluation(row, self._asked))
         change = before.change if row.stamp_us == before.moment_us else None
         if changed and before.evaluations:
@@ -90,7 +94,6 @@ class FormulaProgram:
             holding=holding,
             signals=_signals(before.signals, changed, row.stamp_us),
             evaluations=evaluations,
-            dropped=dropped,
         )
         return _remembered(state), matches
 

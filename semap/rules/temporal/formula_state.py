@@ -42,7 +42,6 @@ class FormulaState:
     holding      the atoms that hold by each subject
     signals      when each atom was true, as far as an evaluation may still ask
     evaluations  in the order of their rows
-    dropped      evaluations that were given up as there were too many
     """
 
     moment_us: int
@@ -51,7 +50,6 @@ class FormulaState:
     holding: Mapping[Subject, tuple[str, ...]] = field(default_factory=dict)
     signals: Signals = field(default_factory=dict)
     evaluations: tuple[Evaluation, ...] = ()
-    dropped: int = 0
 
 
 def dump_state(state: FormulaState) -> dict[str, object]:
@@ -73,7 +71,6 @@ def dump_state(state: FormulaState) -> dict[str, object]:
             ]
             for each in state.evaluations
         ],
-        "dropped": state.dropped,
     }
 
 
@@ -105,5 +102,4 @@ def load_state(document: object) -> FormulaState:
                 Sequence[tuple[object, object, Sequence[object] | None]], found["evaluations"]
             )
         ),
-        dropped=cast(int, found["dropped"]),
     )

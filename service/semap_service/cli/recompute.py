@@ -69,7 +69,9 @@ def recompute(
         outcome = recompute(opened, plan, _silent if as_json else _say, dry_run=dry_run)
     counts = outcome.counts()
     if as_json:
-        print_json({"run": outcome.run_id, **counts, "changed": [asdict(each) for each in outcome.changed]})
+        changed = [asdict(each) for each in outcome.changed]
+        lost = {name: given_up.as_json() for name, given_up in outcome.given_up.items()}
+        print_json({"run": outcome.run_id, **counts, "changed": changed, "given_up": lost})
         return
     for each in outcome.changed[:SHOWN]:
         moved = f" -> {clock(each.by_stamp)}" if each.by_stamp is not None else ""
@@ -77,6 +79,8 @@ def recompute(
         typer.echo(f"{each.verdict:>10}  {clock(each.stamp)}{moved}  {about}")
     if len(outcome.changed) > SHOWN:
         typer.echo(f"... and {len(outcome.changed) - SHOWN} more; --json shows all.")
+    for name, given_up in outcome.given_up.items():
+        typer.echo(f"Rule {name}: {given_up.as_text()}", err=True)
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     typer.echo(f"{'Would be' if dry_run else f'Run {outcome.run_id}:'} {said}.")
 

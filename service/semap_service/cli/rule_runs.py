@@ -17,7 +17,9 @@ from semap_service.cli.stamp import From, To, read_stamp
 
 if TYPE_CHECKING:
     from semap.model.event import Event
+    from semap.model.given_up import GivenUp
     from semap.rules.declaration import Declaration
+    from semap.store.rules import Rule
 
 
 def add_to(app: typer.Typer) -> None:
@@ -41,8 +43,13 @@ def dry_run(
     from semap.worker import past  # noqa: PLC0415
 
     declaration = declaration_in(file)
+    given_up: list[GivenUp] = []
     with database(dsn) as opened, connect(opened, "semap_read") as connection:
-        events = past.dry_run(connection, map_name, declaration, start, end)
+        events = past.dry_run(
+            connection, map_name, declaration, start, end, tell=lambda rule, what: given_up.append(what)
+        )
+    for what in given_up:
+        typer.echo(what.as_text(), err=True)
     if as_json:
         print_json([asdict(event) for event in events])
         return
@@ -69,9 +76,11 @@ def explain(
 
     key = dict(_named(each) for each in keys or ())
     with database(dsn) as opened:
-        declaration, of_map = _declared(opened, rule, map_name)
+        declaration, found = _declared(opened, rule, map_name)
         with connect(opened, "semap_read") as connection:
-            typer.echo(explain_rule(connection, of_map, declaration, at, key).as_text())
+            typer.echo(explain_rule(connection, found.map, declaration, at, key).as_text())
+    if found.given_up is not None:
+        typer.echo(f"Since version {found.version} is in force: {found.given_up.as_text()}")
 
 
 def learn(
@@ -86,18 +95,17 @@ def learn(
 ) -> None:
     """Fit the confidence of a rule to the gaps in stored history, as its next version."""
     from semap.store.database import connect, one_transaction  # noqa: PLC0415
-    from semap.store.rules import find_rule  # noqa: PLC0415
     from semap.worker.past import learnt  # noqa: PLC0415
     from semap_service.rule_editing import replace_rule  # noqa: PLC0415
 
     with database(dsn) as opened:
-        declaration, of_map = _declared(opened, rule, map_name)
+        declaration, found = _declared(opened, rule, map_name)
         with connect(opened, "semap_read") as connection:
-            fitted = learnt(connection, of_map, declaration, start, end)
+            fitted = learnt(connection, found.map, declaration, start, end)
         version = ""
         if not only_show:
             with one_transaction(opened, "semap_api") as editing:
-                done = replace_rule(editing, find_rule(editing, rule, of_map).rule_id, fitted)
+                done = replace_rule(editing, found.rule_id, fitted)
             version = f" is at version {done.version}"
     parameters = fitted.confidence.parameters if fitted.confidence is not None else {}
     said = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
@@ -115,18 +123,20 @@ def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
             with one_transaction(opened, "semap_read") as connection:
                 get_map(connection, map_name)
         done = replay(opened, map_name)
+    for name, what in done.given_up.items():
+        typer.echo(f"Rule {name}: {what.as_text()}", err=True)
     typer.echo(f"{counted(done.rows, 'late row')} replayed; {counted(done.events, 'event')} added.")
 
 
-def _declared(dsn: str, rule: str, map_name: str | None) -> tuple[Declaration, str]:
-    """What a stored rule declares, and the map that it is on."""
+def _declared(dsn: str, rule: str, map_name: str | None) -> tuple[Declaration, Rule]:
+    """What a stored rule declares, and the rule itself."""
     from semap.rules.language.reading import parse_declaration  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.rules import find_rule  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_read") as connection:
         found = find_rule(connection, rule, map_name)
-    return parse_declaration(found.declaration, found.name), found.map
+    return parse_declaration(found.declaration, found.name), found
 
 
 def _line(number: int, event: Event) -> dict[str, object]:

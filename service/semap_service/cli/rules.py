@@ -51,13 +51,17 @@ def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = Non
 
     with _reading(dsn) as connection:
         _require_map(connection, map_name)
-        rows = [asdict(found) for found in list_rules(connection, map_name=map_name, limit=None)]
+        found = list_rules(connection, map_name=map_name, limit=None)
+    rows = [asdict(each) for each in found]
     if not as_json:
         shown = ("rule_id", "map", "name", "version", "enabled")
         rows = [
             {**{name: row[name] for name in shown}, "makes": _made_by(row["declaration"])} for row in rows
         ]
     print_rows(rows, as_json, "No rules. A map brings one with it: semap map import BUILDING.geojson")
+    for each in found:
+        if each.given_up is not None:
+            typer.echo(f"Rule {each.name}: {each.given_up.as_text()}", err=True)
 
 
 def _made_by(declaration: Mapping[str, object]) -> str:

@@ -13,6 +13,7 @@ from sqlalchemy import Connection
 
 from semap.errors import TooLarge
 from semap.model.event import Event
+from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
 from semap.store.maps import get_map
 from semap.store.rules import get_rule
@@ -20,7 +21,7 @@ from semap.worker import past, why
 from semap_service.document import Document, InStamp, Name, Request, SmallId, Stamp
 from semap_service.problem import problems
 from semap_service.routes.event_document import EventInstance, EventTrack, EvidenceDocument
-from semap_service.routes.rules import Declaration
+from semap_service.routes.rules import Declaration, GivenUpDocument, given_up_document
 from semap_service.transaction import Database, on_whole_map, transaction
 
 router = APIRouter(tags=["rules"])
@@ -60,6 +61,9 @@ class DryEventDocument(Document):
 class DryRunAnswer(Document):
     count: int = Field(description="How many events there would be.")
     events: list[DryEventDocument] = Field(description=f"The first {MOST_EVENTS} of them, in their order.")
+    given_up: GivenUpDocument | None = Field(
+        description="null: all that there is was found. Else too much was under way in one key at once."
+    )
 
 
 class ExplanationDocument(Document):
@@ -79,13 +83,25 @@ def dry_run_rule(database: Database, wanted: DryRun) -> DryRunAnswer:
     At most 200,000 rows are read, 100,000 events made, and 20 s spent: narrow `from` and `to` beyond that.
     """
     declared = parse_declaration({**wanted.declaration, "name": wanted.name})
+    given_up: list[GivenUp] = []
     with transaction(database) as connection:
         get_map(connection, wanted.map)
         on_whole_map(connection)
         events = past.dry_run(
-            _psycopg(connection), wanted.map, declared, wanted.start, wanted.end, MOST_ROWS, _patience()
+            _psycopg(connection),
+            wanted.map,
+            declared,
+            wanted.start,
+            wanted.end,
+            MOST_ROWS,
+            _patience(),
+            lambda _, what: given_up.append(what),
         )
-    return DryRunAnswer(count=len(events), events=[_document(event) for event in events[:MOST_EVENTS]])
+    return DryRunAnswer(
+        count=len(events),
+        events=[_document(event) for event in events[:MOST_EVENTS]],
+        given_up=given_up_document(given_up[0] if given_up else None),
+    )
 
 
 @router.get("/rules/{id}/explanation", operation_id="explain_rule", responses=problems(404, 413))
@@ -105,7 +121,10 @@ def explain_rule(
         on_whole_map(connection)
         declared = parse_declaration(rule.declaration, rule.name)
         found = why.explain(_psycopg(connection), rule.map, declared, at, named, most_rows=MOST_ROWS)
-    return ExplanationDocument(found=found.match is not None, lines=found.as_text().splitlines())
+    lines = found.as_text().splitlines()
+    if rule.given_up is not None:
+        lines.append(f"Since version {rule.version} is in force: {rule.given_up.as_text()}")
+    return ExplanationDocument(found=found.match is not None, lines=lines)
 
 
 def _patience() -> Callable[[int], None]:

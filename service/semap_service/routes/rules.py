@@ -10,6 +10,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
+from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
 from semap.store import rules
 from semap.store.maps import get_map
@@ -65,6 +66,13 @@ Backfill = Annotated[
 ]
 
 
+class GivenUpDocument(Document):
+    """Where a rule began to give up: too much was under way in one key at once."""
+
+    first: Stamp = Field(description="Events that begin here or later may be missing.")
+    key: dict[str, Any] = Field(description="By the names in `partition_by`.", examples=[{"track": "ann"}])
+
+
 class RuleDocument(Document):
     """A rule: which events are made of what."""
 
@@ -79,6 +87,10 @@ class RuleDocument(Document):
     enabled: bool
     backfill_from: Stamp | None = Field(
         description="From when on this version runs over what was stored before it; null: it does not."
+    )
+    given_up: GivenUpDocument | None = Field(
+        description="null: nothing was lost since this version is in force. Else give the rule a window,"
+        " a finer `partition_by`, or an `after_match` that skips more."
     )
 
 
@@ -215,4 +227,10 @@ def _document(rule: rules.Rule) -> RuleDocument:
         declaration=dict(rule.declaration),
         enabled=rule.enabled,
         backfill_from=rule.backfill_from,
+        given_up=given_up_document(rule.given_up),
     )
+
+
+def given_up_document(given_up: GivenUp | None) -> GivenUpDocument | None:
+    """Without how much it was, which changes again and again, and with it the ETag of a rule would."""
+    return None if given_up is None else GivenUpDocument(first=given_up.first, key=dict(given_up.key))

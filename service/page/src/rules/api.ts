@@ -14,6 +14,13 @@ export interface RuleDocument {
   declaration: Declaration;
   enabled: boolean;
   backfill_from: string | null;
+  given_up: GivenUp | null;
+}
+
+/** Where a rule began to give up, since too much was under way in one key. */
+export interface GivenUp {
+  first: string;
+  key: Record<string, unknown>;
 }
 
 export interface RuleVersion {
@@ -48,6 +55,7 @@ export interface RuleTemplate {
 export interface DryRun {
   count: number;
   events: OverlayEvent[];
+  given_up: GivenUp | null;
 }
 
 export function listRules(api: Api, map: string, signal: AbortSignal): Promise<RuleDocument[]> {

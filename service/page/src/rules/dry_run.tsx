@@ -6,6 +6,7 @@ import { ProblemNote, problemOf } from "../panel/problem";
 import type { Span } from "../state";
 import { timeText } from "../timeline/scale";
 import { dryRun, type Declaration, type DryRun as Found } from "./api";
+import { lossOf } from "./text";
 
 const HOUR_MS = 3_600_000;
 const LEAST_BESIDE_MS = 10_000;
@@ -92,6 +93,7 @@ function Result({ app, found, clear }: { app: App; found: Found; clear: () => vo
           Clear
         </button>
       </p>
+      {found.given_up && <p class="note warn">{lossOf(found.given_up)}</p>}
       <ol class="found">
         {found.events.slice(0, SHOWN).map((event) => (
           <li key={event.event_id}>

@@ -10,7 +10,7 @@ import { useResource } from "../panel/resource";
 import { changeRule, deleteRule, listRules, readRule, type RuleDocument } from "./api";
 import { Explanation } from "./explanation";
 import "./rules.css";
-import { madeBy, readBy } from "./text";
+import { lossOf, madeBy, readBy } from "./text";
 import { Writing, type Subject } from "./writing";
 
 /** Puts the panel for rules into its element. */
@@ -113,6 +113,7 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
       <p class="soft">
         {readBy(rule.declaration).join(", ")} → <strong>{madeBy(rule.declaration).join(", ")}</strong>
       </p>
+      {rule.given_up && <p class="note warn">{lossOf(rule.given_up)}</p>}
       {problem && <ProblemNote problem={problem} />}
       <div class="row">
         <button

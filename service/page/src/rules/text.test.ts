@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { keyOf, madeBy, offsetOf, readBy, withNewLine } from "./text";
+import { keyOf, lossOf, madeBy, offsetOf, readBy, withNewLine } from "./text";
 
 const TEXT = "name: a\nemit:\n  began: b\n";
 
@@ -37,5 +37,15 @@ describe("a declaration", () => {
     expect(keyOf(declared)).toEqual(["track", "room"]);
     expect(keyOf({ partition_by: "room" })).toEqual(["room"]);
     expect(keyOf({})).toEqual([]);
+  });
+});
+
+describe("lossOf", () => {
+  it("names the first stamp and its key", () => {
+    const first = "2026-01-31T12:00:00Z";
+    expect(lossOf({ first, key: { track: "ann", room: "Room07" } })).toContain(
+      "begin at 2026-01-31T12:00:00Z or later may be missing (first of track ann, room Room07). Give",
+    );
+    expect(lossOf({ first, key: {} })).toContain("may be missing. Give");
   });
 });

@@ -44,3 +44,13 @@ export function keyOf(declaration: Record<string, unknown>): string[] {
   if (typeof partition_by === "string") return [partition_by];
   return Array.isArray(partition_by) ? partition_by.map(String) : [];
 }
+
+/** What may be missing of what a rule finds, and what to do. */
+export function lossOf({ first, key }: { first: string; key: Record<string, unknown> }): string {
+  const of = Object.entries(key).map(([name, value]) => `${name} ${String(value)}`);
+  return (
+    "More was under way in one key than a rule keeps. " +
+    `Events that begin at ${first} or later may be missing${of.length ? ` (first of ${of.join(", ")})` : ""}. ` +
+    "Give it a window (within), a finer partition_by, or an after_match that skips more."
+  );
+}

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import psycopg
 
+from semap.model.given_up import REMEDY, GivenUp
 from semap_service.operations.doctor.finding import DatabaseCheck, Trouble, listed, mebibytes, warn, wrong
 
 BEHIND_BYTES = 64 * 1024**2
@@ -100,15 +101,13 @@ def _rules(connection: psycopg.Connection) -> Iterator[Trouble]:
             f"rules that the worker has put out of force: {listed([name for (name,) in failed])}",
             "Its log says why; mend the rule and declare it again: semap rule replace NAME FILE.",
         )
-    for name, count in connection.execute(
-        "select p.rule_state -> d.id ->> 'name', d.count::bigint from semap.progress p,"
-        " jsonb_each_text(p.watermarks -> 'dropped') as d (id, count)"
-        " where p.worker = 'rules' and p.rule_state ? d.id limit 5"
+    for name, attempts, first, key in connection.execute(
+        "select m.name || '/' || r.name, g.attempts, g.first, g.key from semap.rule_given_up g"
+        " join semap.rule r using (rule_id) join semap.map m on m.map_id = g.map_id"
+        " order by g.first, 1 limit 5"
     ):
-        yield warn(
-            f"rule {name} has given up {count} attempts: too many were under way in one key",
-            "Give its pattern a window (within), or partition it.",
-        )
+        given_up = GivenUp(attempts, first, key)
+        yield warn(f"rule {name}: {given_up.loss()}", REMEDY)
 
 
 def _late_rows(connection: psycopg.Connection) -> Iterator[Trouble]:
