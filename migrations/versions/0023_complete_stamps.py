@@ -16,15 +16,15 @@ STATEMENTS = (
     "update semap.source set watermark = null where watermark = '-infinity'",
     """
     comment on column semap.source.watermark is
-      'The source has given all its states up to here, and gives later ones from now on; null where it says nothing of the kind.'
+      'Up to here the source has given all its states, and later ones follow; null where it does not say.'
     """,
     """
     comment on column semap.source.newest_stamp is
-      'Where it says no watermark: the newest stamp of its states, before which all of them are taken to have come.'
+      'Where it says no watermark: its newest stamp, before which all states are taken to have come.'
     """,
     """
     comment on column semap.source.newest_is_whole is
-      'Whether all states at the newest stamp are taken to have come: a frame is whole, and so is what is followed by silence.'
+      'Whether all states at the newest stamp have come: those of a frame have, or silence followed.'
     """,
     """
     create table semap.pair_progress (
@@ -34,7 +34,7 @@ STATEMENTS = (
     """,
     """
     comment on table semap.pair_progress is
-      'Up to which stamp the pairs of a map have been followed; where tracks are in pair_member is of that moment.'
+      'Up to which stamp the pairs of a map were followed; tracks in pair_member are where they were then.'
     """,
     """
     create table semap.track_end (
