@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Connection, select, update
+from sqlalchemy import Connection, literal_column, select, update
 
 from semap.errors import InvalidInput, NotFound
 from semap.store.database import translated
@@ -40,6 +40,7 @@ class Source:
 
     late_states  states that came after later ones of their track
     outliers     positions that were set aside, and that no other agreed with
+    complete_through  up to which stamp all of its states have come; None where it has brought in nothing
     """
 
     source_id: int
@@ -48,6 +49,7 @@ class Source:
     settings: Settings
     late_states: int
     outliers: int
+    complete_through: datetime | None
 
 
 def list_sources(
@@ -115,9 +117,9 @@ def _check(settings: Settings) -> None:
 
 
 def _source(row: Sequence[Any]) -> Source:
-    source_id, map_name, name, lateness, jump_m, jump_mps, late_states, outliers = row
+    source_id, map_name, name, lateness, jump_m, jump_mps, late_states, outliers, complete_through = row
     settings = Settings(lateness.total_seconds(), jump_m, jump_mps)
-    return Source(source_id, map_name, name, settings, late_states, outliers)
+    return Source(source_id, map_name, name, settings, late_states, outliers, complete_through)
 
 
 _SOURCES = select(
@@ -129,4 +131,5 @@ _SOURCES = select(
     source.c.jump_mps,
     source.c.late_states,
     source.c.outliers,
+    literal_column("nullif(semap.complete_through(source), '-infinity')"),
 ).join(map_, map_.c.map_id == source.c.map_id)

@@ -102,4 +102,5 @@ def _row(source: Source) -> dict[str, object]:
         **asdict(source.settings),
         "late_states": source.late_states,
         "outliers": source.outliers,
+        "complete_through": source.complete_through,
     }
