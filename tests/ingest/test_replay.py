@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import fields, replace
+from threading import Event as Signal
 
 import numpy as np
 import pytest
@@ -255,3 +257,40 @@ def cluster_table(cluster):
                            " length_m real, width_m real, std_across_m real, std_yaw_rad real)")  # fmt: skip
     yield cluster.dsn("packed")
     cluster.drop_database("packed")
+
+
+@pytest.mark.parametrize("batch_size", [1, 3, 50])
+def test_the_log_is_the_same_whatever_the_batches(world: World, batch_size: int) -> None:
+    """Some who walk in a crowd, at once and cut anywhere, stopped and resumed."""
+    dice = np.random.default_rng(5)
+    people, steps = 7, 20
+    ways = dice.uniform(-2, 2, (people, 2)) + np.cumsum(dice.normal(0, 0.3, (steps, people, 2)), axis=0)
+    rows = np.arange(people * steps)
+    nothing = np.full(len(rows), np.nan)
+    tracks = Tracks(
+        tuple(f"t{i}" for i in range(people)), rows % people, rows // people * SECOND_US,
+        ways[rows // people, rows % people, 0], ways[rows // people, rows % people, 1],
+        nothing, nothing, nothing, nothing,
+    )  # fmt: skip
+    logs = []
+    for size in (1000, batch_size):
+        with closing(World(world.dsn, f"in batches of {size}")) as played:
+            played.run(
+                "insert into semap.continuous_query (map_id, name, predicate, subject_kind, object_kind, distance_m)"
+                " values (%s, 'near', 'within_distance', 'track', 'track', 0.8)",
+                played.map_id,
+            )
+            plan, stop = replace(PLAN, map_name=played.name, batch_size=size), Signal()
+            replay(
+                world.dsn, plan, tracks, lambda done, _, stop=stop: stop.set() if done > 60 else None, stop
+            )
+            replay(world.dsn, plan, tracks)
+            logs.append(
+                played.rows(
+                    "select kind::text, cause::text, track_name, object_track_name, stamp, edge_at, since, amendment"
+                    " from semap.relation_change where map_id = %s order by change_id",
+                    played.map_id,
+                )
+            )
+    assert len(logs[0]) > 20
+    assert logs[0] == logs[1]
