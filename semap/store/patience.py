@@ -27,7 +27,7 @@ class Reminder:
             return
         self._said, self._said_s = str(error), now_s
         remedy = getattr(error, "remedy", "")
-        self._log.log(level, "%s: %s%s", self._waits, error, f" What to do: {remedy}" if remedy else "")
+        self._log.log(level, "%s: %s%s", self._waits, error, f" ({remedy})" if remedy else "")
 
     def over(self) -> None:
         """All is well again: the next trouble is a new one."""

@@ -15,13 +15,12 @@ import psycopg
 
 from semap.errors import ServerUnavailable
 from semap.store.database import connect
+from semap.store.patience import Patience
 from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.registration import Registered, register
 from semap_ingest.pipeline.writing import Writer
 
 ROLE = "semap_ingest"
-FIRST_RETRY_S = 0.05
-LAST_RETRY_S = 2.0
 
 log = logging.getLogger(__name__)
 
@@ -87,18 +86,16 @@ class Delivery:
         raises   ServerUnavailable, where it is away and `stop` is set; Conflict, where another process has
                  taken over; NotFound, where the source was deleted
         """
-        wait_s = FIRST_RETRY_S
+        patience = Patience(log, f"{len(self._waiting)} results wait")
         while self._waiting or is_over:
             try:
                 self._write(is_over)
+                patience.restored()
                 break
             except ServerUnavailable as error:
                 self._connection.close()
-                if wait_s == FIRST_RETRY_S:
-                    log.warning("%s Waiting for the server.", error)
-                if self._stop.wait(wait_s):
+                if patience.wait(error, self._stop):
                     raise
-                wait_s = min(wait_s * 2, LAST_RETRY_S)
         for each in self._waiting:
             self._committed(each.found)
         self._waiting.clear()
