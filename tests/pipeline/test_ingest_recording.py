@@ -108,7 +108,7 @@ def test_a_pace_and_lost_connections_change_nothing(office_map, plan, at_once, c
 
         done = ingest_recording(office_map, replace(plan, speed=50.0), committed=break_now_and_then)
     assert done.is_whole
-    assert any("Waiting for the server" in record.message for record in caplog.records)
+    assert any(" results wait: " in record.getMessage() for record in caplog.records)
     assert stored(office_map) == at_once
 
 

@@ -290,6 +290,15 @@ def recording(
             " Without one, images are not looked at."
         ),
     ] = None,
+    camera_layout: Annotated[
+        str | None,
+        typer.Option(
+            help="What the detector's outputs are, where the file does not tell: yolov8, yolox, ..."
+        ),
+    ] = None,
+    camera_classes: Annotated[
+        Path | None, typer.Option(help="The detector's classes, one in each line, where the file has none.")
+    ] = None,
     topic: Annotated[
         list[str] | None,
         typer.Option(
@@ -322,7 +331,8 @@ def recording(
 
     Persons become tracks; what doors with a leaf do becomes states of them. Transforms (tf) must lead from
     the sensors to the map's frame. `semap recording info FILE` lists what a recording holds. Started again
-    after a crash it goes on where it was.
+    after a crash it goes on where it was. Where the recording, or one of its sensors, yields nothing, the
+    exit status is 1.
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
     from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
@@ -346,6 +356,8 @@ def recording(
         map_frame=frame,
         floor_z_m=floor_z,
         image_model=camera_model,
+        image_layout=camera_layout,
+        class_names=camera_classes,
         providers=("CUDAExecutionProvider", "CPUExecutionProvider") if cuda else ("CPUExecutionProvider",),
         images_hz=images_hz,
         person_classes=tuple(person_class or PERSON_CLASSES),
@@ -363,6 +375,13 @@ def recording(
     if not done.is_whole:
         typer.echo("Stopped before the end. Give the same command again, and it goes on.", err=True)
         raise typer.Exit(130)
+    if done.fruitless:
+        for each in done.fruitless:
+            typer.echo(f"semap: {file.name}: {each}.", err=True)
+        typer.echo(
+            "  What to do: See above what was left out and why; --topic and --frame may help.", err=True
+        )
+        raise typer.Exit(1)
 
 
 @contextmanager
