@@ -120,8 +120,8 @@ class ImageDetector:
             candidates = self.layout.decode([outputs[i] for i in self.order], self.choice)
         if len(candidates.score) and np.abs(candidates.corners_px).max() <= LEAST_REACH_PX:
             raise InvalidInput(
-                f"the boxes of {self.model.where} lie within {LEAST_REACH_PX:g} px of the corner of the image, as"
-                " if their unit were another one",
+                f"the boxes of {self.model.where} lie within {LEAST_REACH_PX:g} px of the image's corner,"
+                " as if their unit were another one",
                 "Name the layout that it was exported with: --camera-layout NAME.",
             )
         candidates = _in_reach(candidates, self.input.size_px)
