@@ -112,6 +112,7 @@ def test_why_it_is_not_known_where_the_sensors_stood(
     ) as caught:
         ingest_recording(world.dsn, recorded(tmp_path, said))
     assert says in str(caught.value)
+    assert world.one("select count(*) from semap.source where name like 'robot%%'") == 0
 
 
 def images(topic: str, messages: Sequence[object], kind: str) -> list[Said]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from threading import Event as Signal
 
 from semap.errors import InvalidInput, ServerUnavailable
+from semap.store.name import require_plain_name
 from semap_ingest.image.detector import ImageDetector
 from semap_ingest.laser.detector import PACKAGED, LegDetector
 from semap_ingest.pipeline.delivery import Delivery, Target
@@ -121,6 +122,7 @@ def ingest_recording(
     raises     NotFound, where there is no such map; Conflict, where the source has another recording, or
                another process brings this one in; InvalidInput, where the recording cannot be used
     """
+    require_plain_name(plan.source, "--source")
     stop = stop or Signal()
     tally = _Tally(committed)
     with Recording(plan.path, person_classes=plan.person_classes) as recording:
