@@ -89,9 +89,8 @@ class Delivery:
                  taken over; NotFound, where the source was deleted
         """
         if self._writer is None and not is_over and not any(each.is_result for each in self._waiting):
-            del self._waiting[
-                :-1
-            ]  # a source is made with its first result; until then its newest watermark will do
+            # a source is made with its first result; until then the newest watermark will do
+            del self._waiting[:-1]
             return
         patience = Patience(log, f"{len(self._waiting)} results wait")
         while self._waiting or is_over:
