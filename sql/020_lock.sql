@@ -16,7 +16,7 @@
 --
 --   7365, 0          partitions, made in a transaction of its own before states are written
 --   7366             migrations and the rule worker's slot
---   7368, source     a recording that is being brought in, as long as its connection lasts; only tried, never waited for
+--   7368, hash       a recording that is being brought in, by its map and source, as long as its connection lasts; only tried, never waited for
 --   7369, job        a job, as long as it runs
 --   7370, 0          maintenance, only tried
 --   7371, 0          who delivers webhooks, only tried

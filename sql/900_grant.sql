@@ -45,6 +45,7 @@ grant execute on function
   semap.ensure_partitions, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
 to semap_worker;
 grant update (idle) on semap.source to semap_worker;
+grant update (alive_at) on semap.progress to semap_worker;
 grant update (replayed_at) on semap.late_row to semap_worker;
 
 grant insert, delete, update (name) on semap.map to semap_api;

@@ -8,6 +8,7 @@ new one starts from a new snapshot.
 from __future__ import annotations
 
 import logging
+from contextlib import closing
 from dataclasses import dataclass, field
 from threading import Event as Signal
 from threading import Lock, Thread
@@ -17,11 +18,12 @@ import psycopg
 import shapely
 from numpy.typing import NDArray
 
-from semap.errors import ServerUnavailable
+from semap.errors import DatabaseError
 from semap.replication.pgoutput import Change, Row
 from semap.replication.snapshot import begin_at_snapshot
 from semap.replication.stream import ReplicationStream, start
 from semap.store.database import connect, translated
+from semap.store.patience import Patience
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +35,7 @@ KEYS = {
     "instance": ("instance_id",),
     "abstraction": ("abstraction_id",),
 }
-RETRY_S = 0.2
+LOOK_S = 0.2
 
 
 @dataclass
@@ -123,25 +125,21 @@ class Follower:
             return self.mirror.footprints(map_name, concept)
 
     def _run(self) -> None:
+        patience = Patience(log, "the mirror of the map waits")
         while not self._stop.is_set():
             try:
                 mirror, stream = open_mirror(self._dsn)
-            except ServerUnavailable as error:
-                log.debug("The mirror waits for the server: %s", error)
-                self._stop.wait(RETRY_S)
-                continue
-            self.mirror = mirror
-            self._ready.set()
-            try:
-                self._follow(stream)
-            except ServerUnavailable as error:
-                log.warning("The mirror of the map starts anew: %s", error)
-            finally:
-                stream.close()
+                patience.restored()
+                self.mirror = mirror
+                self._ready.set()
+                with closing(stream):
+                    self._follow(stream)
+            except DatabaseError as error:
+                patience.wait(error, self._stop)
 
     def _follow(self, stream: ReplicationStream) -> None:
         while not self._stop.is_set():
-            for transaction in stream.receive(RETRY_S):
+            for transaction in stream.receive(LOOK_S):
                 with self._applying:
                     for change in transaction.changes:
                         self.mirror.apply(change)

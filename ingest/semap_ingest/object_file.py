@@ -13,12 +13,17 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+from sqlalchemy import Connection, text
 
-from semap.errors import InvalidInput
+from semap.errors import NotFound
 from semap.store.database import open_engine, translated
+from semap.store.maps import map_id_of
+from semap.store.name import require_plain_name
 from semap.store.object_states import NewObjectState, add_object_states, end_source
 from semap.timeline.stamp import MICROSECOND, to_datetime
-from semap_ingest.table_file import STAMP_NAMES, Roles, Table, read_stamps, read_table
+from semap_ingest.left_out import NOTHING, TOLD, LeftOut
+from semap_ingest.stamp_column import read_stamps
+from semap_ingest.table_file import STAMP_NAMES, Roles, Table, named_in_errors, read_table
 
 ROLE = "semap_ingest"
 USUAL_NAMES: Mapping[str, Sequence[str]] = {
@@ -29,9 +34,12 @@ USUAL_NAMES: Mapping[str, Sequence[str]] = {
     "attributes": ("attributes",),
 }
 
+LACKING = text("""
+    select n.name from unnest(cast(:names as text[])) n (name)
+    where not exists (select from semap.instance i where i.map_id = :map_id and i.name = n.name)
+    order by 1
+""")
 LONGEST_VALUE = 1000
-NO_TEXT = ("\0", "\ufffd")
-"""What no database keeps, and what stands for bytes that are no text."""
 
 Advance = Callable[[int, int], None]
 """Called with the states done and the states in all."""
@@ -46,6 +54,7 @@ class ObjectLayout:
     property    of all states, in a file without a column for it
     stamp_unit  iso, s, ms, us, ns, or frames at a rate: 25fps
     epoch_us    the time of stamp 0 [us since 1970]; not for iso
+    timezone    of iso stamps that say none, as Europe/Berlin or +01:00; None: each has to say its own
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -53,6 +62,7 @@ class ObjectLayout:
     property: str | None = None
     stamp_unit: str = "iso"
     epoch_us: int = 0
+    timezone: str | None = None
 
 
 @dataclass(frozen=True)
@@ -68,12 +78,27 @@ class ObjectPlan:
     keep_open: bool = False
 
 
-def read_object_states(path: Path, layout: ObjectLayout) -> tuple[NewObjectState, ...]:
-    """The states of a file in the order of their stamps.
+@dataclass(frozen=True)
+class ObjectStates:
+    """States in the order of their stamps.
 
-    raises InvalidInput where the file cannot be read so, naming the line where there is one
+    places    where each is in its file
+    left_out  rows of the file that are not among them
+    """
+
+    states: tuple[NewObjectState, ...]
+    places: tuple[str, ...]
+    left_out: LeftOut = NOTHING
+
+
+def read_object_states(path: Path, layout: ObjectLayout) -> ObjectStates:
+    """The states of a file; rows that cannot be used are left out, and told.
+
+    raises InvalidInput where the file cannot be read so, or has no row that can be used
     """
     given = layout.property is not None
+    if layout.property is not None:
+        require_plain_name(layout.property, "--property")
     roles = Roles(
         usual={role: names for role, names in USUAL_NAMES.items() if not (given and role == "property")},
         optional=("attributes",),
@@ -81,27 +106,52 @@ def read_object_states(path: Path, layout: ObjectLayout) -> tuple[NewObjectState
         header=layout.names,
         or_else={"property": ", or --property NAME for one property"},
     )
-    table = read_table(path, roles)
-    stamp_us, has_stamp = read_stamps(table.columns["stamp"], layout.stamp_unit, layout.epoch_us)
-    if not has_stamp.all():
-        raise _wrong(table, int(np.argmin(has_stamp)), "no finite stamp")
-    order = np.argsort(stamp_us, kind="stable")
-    return tuple(_state(table, int(row), int(stamp_us[row]), layout.property) for row in order)
+    with named_in_errors(path):
+        table = read_table(path, roles)
+        stamp_us = read_stamps(table, layout.stamp_unit, layout.epoch_us, layout.timezone)
+        instance, value = table.name("instance"), table.text("value")
+        name = np.full(len(table), layout.property) if given else table.name("property")
+        attributes = _attributes(table)
+        table.flaws.add(
+            np.char.str_len(value) > LONGEST_VALUE,
+            lambda _: f"the value has more than {LONGEST_VALUE} characters",
+            "Shorten it, or put it into the attributes.",
+        )
+        left_out = table.flaws.left_out()
+    order = np.flatnonzero(table.flaws.is_usable)
+    order = order[np.argsort(stamp_us[order], kind="stable")]
+    return ObjectStates(
+        tuple(
+            NewObjectState(
+                str(instance[row]),
+                str(name[row]),
+                str(value[row]),
+                to_datetime(int(stamp_us[row])),
+                attributes.get(int(row), {}),
+            )
+            for row in order
+        ),
+        tuple(table.flaws.place(int(row)) for row in order),
+        left_out,
+    )
 
 
 def ingest_object_states(
     dsn: str,
     plan: ObjectPlan,
-    states: Sequence[NewObjectState],
+    read: ObjectStates,
     advance: Advance = lambda done, total: None,
 ) -> int:
     """Write states in the order of their stamps, a batch in a transaction; returns how many were not known.
 
     raises  NotFound where there is no such map, or no such instance on it
     """
+    require_plain_name(plan.source, "--source")
     engine = open_engine(dsn, ROLE, application="semap ingest", size=1)
-    added = 0
+    states, added = read.states, 0
     try:
+        with translated(), engine.begin() as connection:
+            _require_instances(connection, plan.map_name, read)
         for begin in range(0, len(states), plan.batch_size):
             end = min(begin + plan.batch_size, len(states))
             watermark = None if plan.keep_open else _watermark(states, end)
@@ -119,38 +169,49 @@ def ingest_object_states(
     return added
 
 
+def _require_instances(connection: Connection, map_name: str, read: ObjectStates) -> None:
+    """raises NotFound where the map lacks any of the instances, with the rows that name it first"""
+    map_id = map_id_of(connection, map_name)
+    first = {
+        each.instance: place for each, place in zip(reversed(read.states), reversed(read.places), strict=True)
+    }
+    lacking = connection.scalars(LACKING, {"map_id": map_id, "names": list(first)}).all()
+    if lacking:
+        told = [
+            f"{first[name]}: There is no instance {name} on the map {map_name}." for name in lacking[:TOLD]
+        ]
+        more = [f"and {len(lacking) - TOLD} more"] if len(lacking) > TOLD else []
+        raise NotFound.said(
+            "\n  ".join([*told, *more]),
+            "List its instances: semap map export; or name another column: --instance-column.",
+        )
+
+
 def _watermark(states: Sequence[NewObjectState], done: int) -> datetime:
     """Up to where no state is still to come."""
     return states[-1].stamp if done == len(states) else states[done].stamp - MICROSECOND
 
 
-def _state(table: Table, row: int, stamp_us: int, property_name: str | None) -> NewObjectState:
-    cells = {role: str(column[row]).strip() for role, column in table.columns.items()}
-    name = property_name or cells["property"]
-    if not cells["instance"] or not name:
-        raise _wrong(table, row, "no instance or no property")
-    if any(sign in cell for cell in cells.values() for sign in NO_TEXT):
-        raise _wrong(table, row, "a text that is not in UTF-8, or NUL in it")
-    if len(cells["value"]) > LONGEST_VALUE:
-        raise _wrong(table, row, f"a value of more than {LONGEST_VALUE} characters")
-    return NewObjectState(
-        cells["instance"],
-        name,
-        cells["value"],
-        to_datetime(stamp_us),
-        _attributes(table, row, cells.get("attributes", "")),
+def _attributes(table: Table) -> Mapping[int, Mapping[str, object]]:
+    """By row, where it has any."""
+    found: dict[int, Mapping[str, object]] = {}
+    is_wrong = np.zeros(len(table), dtype=np.bool_)
+    for row, cell in enumerate(
+        np.char.strip(table.columns["attributes"]) if "attributes" in table.columns else ()
+    ):
+        if not cell:
+            continue
+        try:
+            given = json.loads(str(cell))
+            # PostgreSQL keeps no NUL, no half of a pair of surrogates, and no number that is none
+            text = json.dumps(given, allow_nan=False, ensure_ascii=False)
+            is_wrong[row] = not isinstance(given, dict) or "\\u0000" in text or not text.encode()
+            found[row] = given
+        except (ValueError, RecursionError):
+            is_wrong[row] = True
+    table.flaws.add(
+        is_wrong,
+        lambda _: "the attributes are no JSON object that can be stored",
+        'Write them as {"by": "ann"}.',
     )
-
-
-def _attributes(table: Table, row: int, text: str) -> Mapping[str, object]:
-    try:
-        found = json.loads(text) if text else {}
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise _wrong(table, row, "the attributes are no JSON object")
     return found
-
-
-def _wrong(table: Table, row: int, what: str) -> InvalidInput:
-    return InvalidInput(what, "Mend the row, or remove it.", f"near line {table.first_line + row}")

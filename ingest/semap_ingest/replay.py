@@ -7,67 +7,45 @@ goes on after the last batch that was committed; nothing is lost or written twic
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from threading import Event as Signal
-from uuid import UUID, uuid5
+from typing import Any
 
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
 from psycopg.types.json import Jsonb
 
-from semap.errors import Conflict, InvalidInput, NotFound, ServerUnavailable
+from semap.errors import Conflict, InvalidInput, ServerUnavailable
 from semap.geometry.error_ellipse import Ellipses, turned
 from semap.geometry.pose import transform_points
 from semap.store.database import connect, one_transaction, translated
+from semap.store.name import require_plain_name
+from semap.store.patience import Patience
 from semap.store.placement import map_from_named_frame
 from semap.store.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
+from semap_ingest.standing import Plan, Standing, look_up, stored_already, track_uid
 from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, copy_rows, pack_states
 from semap_ingest.state_frame import insert_frame, pack_frame
-from semap_ingest.track_file import Tracks
+from semap_ingest.track_file import REACH_M, Tracks
+
+__all__ = ["Plan", "Replayed", "in_map_frame", "replay", "track_uid"]
+
+log = logging.getLogger(__name__)
 
 ROLE = "semap_ingest"
 COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
 COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
-FIND_TRACKS = """
-    select k.name, k.track_id, case when k.source_id <> %s then n.name end
-    from semap.track k join semap.source n using (source_id)
-    where k.source_id = %s and k.name = any (%s) or k.uid = any (%s)
-"""
-"""Tracks of a source by name, and those that it handed over to another one, with that one's name."""
 LARGE_FRAME = 200
 """So many tracks at one stamp are cheaper together than among others."""
 
-FIRST_RETRY_S = 0.05
-LAST_RETRY_S = 2.0
-
 Advance = Callable[[int, int], None]
 """Called with the states done and the states in all."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What to replay, and how.
-
-    realtime   1 is the pace of the recording, 2 twice as fast; None: as fast as it goes
-    keep_open  leave the tracks open at their last state, for another file that goes on with them
-    concept    what kind of thing each track is; None: what is known of it stays
-    attributes of each track; None: likewise
-    """
-
-    map_name: str
-    source: str
-    path: str
-    fingerprint: str
-    batch_size: int = 1000
-    realtime: float | None = None
-    keep_open: bool = False
-    concept: str | None = None
-    attributes: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +64,6 @@ class _Registered:
     source_id: int
     track_ids: NDArray[np.int64]
     done: int
-    late: int
 
 
 def replay(
@@ -98,41 +75,50 @@ def replay(
 ) -> Replayed:
     """Write all states that are not written yet; a lost server is awaited.
 
+    What is refused leaves no trace: the source and its tracks are made with the first states.
+
     raises NotFound, where there is no such map; InvalidInput, where there is no such concept or the
     attributes do not follow its schema; Conflict, where other states of these tracks are stored at the same
     stamps, or a track goes on at another source
     """
+    require_plain_name(plan.source, "--source")
     concept_id = _concept_id(dsn, plan)
     stop = stop or Signal()
     clock = _Clock(plan.realtime)
-    first: _Registered | None = None
-    wait_s = FIRST_RETRY_S
+    first: Standing | None = None
+    patience = Patience(log, "states wait")
     while True:
         try:
             with connect(dsn, ROLE, application="semap ingest", autocommit=False) as connection:
-                registered = _register(connection, plan, tracks, concept_id)
-                first = first or registered
-                written = registered.done
-                for written in _write(connection, plan, tracks, registered, clock, stop):
-                    wait_s = FIRST_RETRY_S
+                standing = look_up(connection, plan, tracks)
+                first = first or standing
+                _prepare(connection, plan, tracks, standing, concept_id)
+                written = standing.done
+                for written in _write(connection, plan, tracks, concept_id, clock, stop):
+                    patience.restored()
                     advance(written, len(tracks))
-                late = _late(connection, registered.source_id) - first.late
+                late = _late(connection, standing.map_id, plan.source) - first.late
                 return Replayed(written - first.done, len(tracks.names), first.done, late)
-        except ServerUnavailable:
-            if stop.wait(wait_s) or first is None:
+        except ServerUnavailable as error:
+            if first is None or patience.wait(error, stop):
                 raise
-            wait_s = min(wait_s * 2, LAST_RETRY_S)
 
 
 def in_map_frame(dsn: str, map_name: str, frame: str, tracks: Tracks) -> Tracks:
     """The same tracks with positions in the map's frame; a state without a height has z 0 in `frame`.
 
-    raises NotFound, where there is no such frame
+    raises NotFound, where there is no such frame; InvalidInput, where it lies too far away
     """
     with one_transaction(dsn, ROLE, application="semap ingest") as connection:
         matrix = map_from_named_frame(connection, map_name, frame)
     points = np.column_stack([tracks.x_m, tracks.y_m, np.nan_to_num(tracks.z_m)])
     x_m, y_m, z_m = transform_points(matrix, points).T
+    if max(np.abs(each).max(initial=0.0) for each in (x_m, y_m, z_m)) > REACH_M:
+        raise InvalidInput(
+            f"in the map its places lie beyond the {REACH_M:,.0f} m from the origin that semap holds",
+            "Check the pose of the frame, and --unit.",
+            f"--frame {frame}",
+        )
     ellipses = turned(Ellipses(tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad), matrix[:2, :2])
     return replace(tracks, x_m=x_m, y_m=y_m, z_m=z_m, **ellipses._asdict())
 
@@ -145,61 +131,65 @@ def _concept_id(dsn: str, plan: Plan) -> int | None:
         return described(connection, f"a track of {plan.source}", plan.concept, plan.attributes or {})
 
 
-def _register(
-    connection: psycopg.Connection, plan: Plan, tracks: Tracks, concept_id: int | None
-) -> _Registered:
-    """Make the partitions, the source, the recording and its tracks, where they are missing."""
+def _prepare(
+    connection: psycopg.Connection, plan: Plan, tracks: Tracks, standing: Standing, concept_id: int | None
+) -> None:
+    """Make the partitions, and describe the tracks that are there; each by itself."""
     days = [day_of(int(day) * DAY_US) for day in np.unique(tracks.stamp_us // DAY_US)]
     with translated(), connection.transaction():
         connection.execute("select semap.ensure_partitions(%s::date[])", [days])
-    with translated(), connection.transaction():
-        row = connection.execute(
-            "select map_id, uid from semap.map where name = %s", [plan.map_name]
-        ).fetchone()
-        if row is None:
-            raise NotFound("map", plan.map_name, "List them: semap map list")
-        map_id, map_uid = row
-        connection.execute(
-            "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity')"
-            " on conflict (map_id, name) do nothing",
-            [map_id, plan.source],
-        )
-        source_id, late = _one(
-            connection,
-            "select source_id, late_states from semap.source where map_id = %s and name = %s for update",
-            [map_id, plan.source],
-        )
-        connection.execute(
-            "insert into semap.recording (source_id, fingerprint, path, states_total) values (%s, %s, %s, %s)"
-            " on conflict (source_id, fingerprint) do nothing",
-            [source_id, plan.fingerprint, plan.path, len(tracks)],
-        )
-        recording_id, done = _one(
-            connection,
-            "select recording_id, states_done from semap.recording where source_id = %s and fingerprint = %s",
-            [source_id, plan.fingerprint],
-        )
-        uids = [track_uid(map_uid, plan.source, name) for name in tracks.names]
-        connection.execute(
-            "insert into semap.track (uid, source_id, map_id, name)"
-            " select uid, %s, %s, name from unnest(%s::uuid[], %s::text[]) as track (uid, name)"
-            " on conflict do nothing",
-            [source_id, map_id, uids, list(tracks.names)],
-        )
-        rows = connection.execute(FIND_TRACKS, [source_id, source_id, list(tracks.names), uids]).fetchall()
-        ids: dict[str, int] = {name: track_id for name, track_id, _ in rows}
-    elsewhere = {name: other for name, _, other in rows if other is not None}
-    for name in (tracks.names[number] for number in np.unique(tracks.track[done:]) if elsewhere):
-        if name in elsewhere:
-            raise Conflict(
-                f"The track {name} of the source {plan.source} was handed over to {elsewhere[name]}.",
-                f"Bring in what else is known of it as the source {elsewhere[name]}.",
-            )
-    # by itself, since it keeps all others out before it locks a row
-    with translated(), connection.transaction():
-        _describe(connection, plan, source_id, tracks, concept_id)
+    if standing.source_id is not None:
+        with translated(), connection.transaction():
+            _describe(connection, plan, standing.source_id, tracks, concept_id)
+
+
+def _register(
+    connection: psycopg.Connection, plan: Plan, tracks: Tracks, concept_id: int | None
+) -> _Registered:
+    """Make the source, the recording and its tracks, where they are missing, within a transaction."""
+    connection.execute("select semap.hold_regions()")
+    map_id, map_uid = _one(connection, "select map_id, uid from semap.map where name = %s", [plan.map_name])
+    connection.execute(
+        "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity')"
+        " on conflict (map_id, name) do nothing",
+        [map_id, plan.source],
+    )
+    (source_id,) = _one(
+        connection,
+        "select source_id from semap.source where map_id = %s and name = %s",
+        [map_id, plan.source],
+    )
+    connection.execute("select semap.hold_source(%s)", [source_id])
+    connection.execute(
+        "insert into semap.recording (source_id, fingerprint, path, states_total) values (%s, %s, %s, %s)"
+        " on conflict (source_id, fingerprint) do nothing",
+        [source_id, plan.fingerprint, plan.path, len(tracks)],
+    )
+    recording_id, done = _one(
+        connection,
+        "select recording_id, states_done from semap.recording where source_id = %s and fingerprint = %s",
+        [source_id, plan.fingerprint],
+    )
+    uids = [track_uid(map_uid, plan.source, name) for name in tracks.names]
+    connection.execute(
+        "insert into semap.track (uid, source_id, map_id, name, concept_id, attributes)"
+        " select uid, %s, %s, name, %s, coalesce(%s::jsonb, '{}')"
+        " from unnest(%s::uuid[], %s::text[]) t (uid, name) on conflict do nothing",
+        [source_id, map_id, concept_id, _attributes(plan), uids, list(tracks.names)],
+    )
+    rows = connection.execute(
+        "select name, track_id from semap.track where source_id = %s and name = any (%s)",
+        [source_id, list(tracks.names)],
+    ).fetchall()
+    ids: dict[str, int] = dict(rows)
+    if len(ids) < len(tracks.names):
+        raise Conflict(f"Tracks of the source {plan.source} are handed over just now.", "Try again.")
     track_ids = np.array([ids[name] for name in tracks.names], dtype=np.int64)
-    return _Registered(recording_id, source_id, track_ids, done, late)
+    return _Registered(recording_id, source_id, track_ids, done)
+
+
+def _attributes(plan: Plan) -> Jsonb | None:
+    return None if plan.attributes is None else Jsonb(dict(plan.attributes))
 
 
 def _describe(
@@ -208,27 +198,26 @@ def _describe(
     """Say of new tracks and of those that are there what the plan says of all."""
     if concept_id is None and plan.attributes is None:
         return
-    given = None if plan.attributes is None else Jsonb(dict(plan.attributes))
     connection.execute(
         "update semap.track set concept_id = coalesce(%(concept)s, concept_id),"
         " attributes = coalesce(%(attributes)s, attributes)"
         " where source_id = %(source)s and name = any (%(names)s)"
         " and (concept_id, attributes) is distinct from"
         " (coalesce(%(concept)s, concept_id), coalesce(%(attributes)s, attributes))",
-        {"concept": concept_id, "attributes": given, "source": source_id, "names": list(tracks.names)},
+        {
+            "concept": concept_id,
+            "attributes": _attributes(plan),
+            "source": source_id,
+            "names": list(tracks.names),
+        },
     )
-
-
-def track_uid(map_uid: UUID, source: str, name: str) -> UUID:
-    """The identity of a track: the same whenever its recording is replayed on a map of that name."""
-    return uuid5(map_uid, f"{source}/{name}")
 
 
 def _write(
     connection: psycopg.Connection,
     plan: Plan,
     tracks: Tracks,
-    registered: _Registered,
+    concept_id: int | None,
     clock: _Clock,
     stop: Signal,
 ) -> Iterator[int]:
@@ -236,12 +225,19 @@ def _write(
     is_last = np.zeros(len(tracks), dtype=np.bool_)
     if not plan.keep_open:
         is_last[len(tracks) - 1 - np.unique(tracks.track[::-1], return_index=True)[1]] = True
-    done = registered.done
+    registered: _Registered | None = None
+    done = 0
     while done < len(tracks) and not stop.is_set():
-        rows = _next_batch(tracks, done, plan.batch_size, clock.due(tracks.stamp_us, done, stop))
-        write = _writer(tracks, registered, rows, is_last[rows])
-        is_over = rows.stop == len(tracks) and not plan.keep_open
-        _commit(connection, plan, registered, write, rows.stop, _watermark_us(tracks, rows.stop), is_over)
+        due = clock.due(tracks.stamp_us, done, stop) if registered else 0
+        with translated(), connection.transaction(), connection.cursor() as cursor:
+            if registered is None:
+                registered = _register(connection, plan, tracks, concept_id)
+                done = registered.done
+                if done == len(tracks):
+                    return
+                due = clock.due(tracks.stamp_us, done, stop)
+            rows = _next_batch(tracks, done, plan.batch_size, due)
+            _store(cursor, plan, tracks, registered, rows, is_last[rows])
         done = rows.stop
         yield done
 
@@ -283,49 +279,45 @@ def _watermark_us(tracks: Tracks, done: int) -> int:
     return int(tracks.stamp_us[-1] if done == len(tracks) else tracks.stamp_us[done] - 1)
 
 
-def _commit(
-    connection: psycopg.Connection,
+def _store(
+    cursor: psycopg.Cursor,
     plan: Plan,
+    tracks: Tracks,
     registered: _Registered,
-    write: Callable[[psycopg.Cursor], None],
-    done: int,
-    watermark_us: int,
-    is_over: bool,
+    rows: slice,
+    is_last: NDArray[np.bool_],
 ) -> None:
-    """One batch, how far the recording has come with it, and the watermark of its source.
-
-    is_over  nothing more is to come of the source for now: rules do not wait for it
-    """
-    with translated(), connection.transaction(), connection.cursor() as cursor:
-        try:
-            write(cursor)
-        except psycopg.errors.UniqueViolation as error:
-            raise Conflict(
-                f"States of the source {plan.source} are stored already: {error.diag.message_detail}",
-                "Give this recording a source of its own (--source NAME).",
-            ) from error
-        cursor.execute(
-            "update semap.recording set states_done = %s,"
-            " finished_at = case when %s = states_total then clock_timestamp() end where recording_id = %s",
-            [done, done, registered.recording_id],
-        )
-        cursor.execute(
-            "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
-            [to_datetime(watermark_us), registered.source_id],
-        )
-        if is_over:
-            cursor.execute(
-                "update semap.source set ended = true where source_id = %s", [registered.source_id]
-            )
+    """One batch, how far the recording has come with it, and the watermark of its source."""
+    try:
+        _writer(tracks, registered, rows, is_last)(cursor)
+    except psycopg.errors.UniqueViolation as error:
+        raise stored_already(plan, error.diag.message_detail or "") from error
+    cursor.execute(
+        "update semap.recording set states_done = %s,"
+        " finished_at = case when %s = states_total then clock_timestamp() end where recording_id = %s",
+        [rows.stop, rows.stop, registered.recording_id],
+    )
+    # after the last, nothing more is to come of the source for now: rules do not wait for it
+    is_over = rows.stop == len(tracks) and not plan.keep_open
+    cursor.execute(
+        "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
+        [to_datetime(_watermark_us(tracks, rows.stop)), registered.source_id],
+    )
+    if is_over:
+        cursor.execute("update semap.source set ended = true where source_id = %s", [registered.source_id])
 
 
-def _late(connection: psycopg.Connection, source_id: int) -> int:
+def _late(connection: psycopg.Connection, map_id: int, source: str) -> int:
     with translated(), connection.transaction():
-        (late,) = _one(connection, "select late_states from semap.source where source_id = %s", [source_id])
+        (late,) = _one(
+            connection,
+            "select late_states from semap.source where map_id = %s and name = %s",
+            [map_id, source],
+        )
     return int(late)
 
 
-def _one(connection: psycopg.Connection, statement: str, parameters: list[object]) -> tuple[int, ...]:
+def _one(connection: psycopg.Connection, statement: str, parameters: list[object]) -> tuple[Any, ...]:
     row = connection.execute(statement, parameters).fetchone()
     if row is None:
         raise InvalidInput(f"No row for {statement}", "This is a fault of semap; please report it.")

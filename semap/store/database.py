@@ -124,7 +124,9 @@ def _translation(error: psycopg.Error, parameters: object = None) -> SemapError:
         case errors.SerializationFailure() | errors.DeadlockDetected() | errors.LockNotAvailable():
             return ServerUnavailable(message, "Try again.")
         case psycopg.OperationalError() | errors.AdminShutdown():
-            return ServerUnavailable(message, "See that the server runs and that SEMAP_DSN is right.")
+            return ServerUnavailable(
+                message, remedy or "See that the server runs and that SEMAP_DSN is right."
+            )
         case _:
             return DatabaseError(message, remedy)
 

@@ -15,3 +15,11 @@ def require_name(name: str) -> None:
             f"Choose one of at most {LONGEST_NAME} characters, without a slash.",
             "name",
         )
+
+
+def require_plain_name(name: str, where: str) -> None:
+    """raises InvalidInput for a name that is empty, very long, or no text"""
+    if not name.strip() or len(name) > LONGEST_NAME or "\0" in name:
+        raise InvalidInput(
+            f"the name {name[:LONGEST_NAME]!r}", f"Choose one of 1 to {LONGEST_NAME} characters.", where
+        )

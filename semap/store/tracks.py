@@ -85,6 +85,17 @@ def list_tracks(
         return tuple(_track(row) for row in connection.execute(found))
 
 
+def count_ended(connection: Connection, *, map_name: str | None = None, after: int = 0) -> int:
+    """How many tracks do not live, from the first after `after`."""
+    found = select(func.count()).select_from(track).join(map_, map_.c.map_id == track.c.map_id)
+    found = found.join(track_place, track_place.c.track_id == track.c.track_id)
+    found = found.where(track.c.track_id > after, ~track_place.c.live)
+    if map_name is not None:
+        found = found.where(map_.c.name == map_name)
+    with translated():
+        return int(connection.scalar(found) or 0)
+
+
 def get_track(connection: Connection, track_id: int) -> Track:
     """raises NotFound"""
     with translated():

@@ -5,7 +5,7 @@ A microsecond is what PostgreSQL keeps, so that a stamp survives the way through
 
 from __future__ import annotations
 
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta, tzinfo
 
 from semap.errors import InvalidInput
 
@@ -17,10 +17,15 @@ DAY_US = 86_400_000_000
 MICROSECOND = timedelta(microseconds=1)
 
 
-def parse_stamp(text: str) -> int:
-    """Microseconds since 1970 of an ISO 8601 stamp with its offset.
+class NoOffset(InvalidInput):
+    """A stamp that does not say its zone."""
 
-    raises InvalidInput for anything else, also for a stamp without an offset
+
+def parse_stamp(text: str, zone: tzinfo | None = None) -> int:
+    """Microseconds since 1970 of an ISO 8601 stamp.
+
+    zone    of a stamp without an offset; None: it must have one
+    raises  NoOffset; InvalidInput for anything else, and for a stamp that the zone skips or has twice
     """
     try:
         stamp = datetime.fromisoformat(text.strip())
@@ -29,8 +34,14 @@ def parse_stamp(text: str) -> int:
             f"{text!r} is not an ISO 8601 stamp",
             "Write stamps as 2026-01-31T12:00:00Z, or name the unit of a number: --stamp-unit s, ms, us, ns.",
         ) from error
+    if stamp.tzinfo is None and zone is not None:
+        stamp = stamp.replace(tzinfo=zone)
+        if stamp.utcoffset() != stamp.replace(fold=1).utcoffset():
+            raise InvalidInput(
+                f"{text!r} is not one moment in {zone}, where clocks change then", "Write it with its offset."
+            )
     if stamp.tzinfo is None:
-        raise InvalidInput(
+        raise NoOffset(
             f"the stamp {text!r} has no offset from UTC", "Append Z, or the offset such as +01:00."
         )
     return to_us(stamp)

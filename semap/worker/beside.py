@@ -9,6 +9,7 @@ from threading import Event as Signal
 from threading import Thread
 
 from semap.errors import SemapError
+from semap.store.patience import Reminder
 
 PATIENCE_S = 5.0
 
@@ -31,14 +32,12 @@ def again_and_again(
     follow: Callable[[Signal], None], stop: Signal, log: logging.Logger, waits: str, retry_s: float
 ) -> None:
     """Begin anew whatever goes wrong, a while after it; `waits` says what is not done meanwhile."""
-    said = ""
+    reminder = Reminder(log, waits)
     while not stop.is_set():
         try:
             follow(stop)
         except SemapError as error:
-            if str(error) != said:
-                said = str(error)
-                log.warning("%s: %s", waits, error)
+            reminder.say(error)
         except Exception:
             log.exception("%s.", waits)
         stop.wait(retry_s)

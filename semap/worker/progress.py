@@ -204,6 +204,14 @@ def note_idle(connection: psycopg.Connection, sources: Mapping[int, bool]) -> li
         return [source_id for (source_id,) in rows]
 
 
+def say_alive(connection: psycopg.Connection) -> None:
+    """Write that the worker is at work; readiness asks for it."""
+    with translated():
+        connection.execute(
+            "update semap.progress set alive_at = clock_timestamp() where worker = %s", [WORKER]
+        )
+
+
 def event_json(event: Event) -> dict[str, object]:
     """An event as the functions of the database take it."""
     return {

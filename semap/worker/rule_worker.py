@@ -22,8 +22,9 @@ from semap.errors import ServerUnavailable, SlotLost
 from semap.replication.pgoutput import format_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.store.database import connect, translated
+from semap.store.patience import Patience
 from semap.worker.map_facts import PUBLICATION as MAP_PUBLICATION
-from semap.worker.progress import ROLE, Made, commit_progress, load_progress, note_idle
+from semap.worker.progress import ROLE, Made, commit_progress, load_progress, note_idle, say_alive
 from semap.worker.stretch import Stretch
 
 log = logging.getLogger(__name__)
@@ -31,8 +32,8 @@ log = logging.getLogger(__name__)
 PUBLICATIONS = ("semap_change", "semap_rule", MAP_PUBLICATION)
 QUIET_COMMIT_S = 1.0
 RECEIVE_S = 0.5
-FIRST_RETRY_S = 0.05
-LAST_RETRY_S = 2.0
+ALIVE_S = 5.0
+"""So often the worker says that it is at work, in the same thread, so that one that hangs does not."""
 
 
 def work(dsn: str, stop: Signal) -> None:
@@ -40,26 +41,19 @@ def work(dsn: str, stop: Signal) -> None:
 
     raises SlotLost where the slot is gone, so that changes may have been missed
     """
-    wait_s = FIRST_RETRY_S
-    waiting_for = ""
+    patience = Patience(log, "Changes wait to become events")
     while not stop.is_set():
         try:
             for _ in _follow(dsn, stop):
-                wait_s, waiting_for = FIRST_RETRY_S, ""
+                patience.restored()
         except SlotLost:
             raise
         except (ServerUnavailable, psycopg.OperationalError) as error:
-            if str(error) != waiting_for:
-                waiting_for = str(error)
-                log.log(
-                    logging.INFO if isinstance(error, SlotInUse) else logging.WARNING, "%s Waiting.", error
-                )
-            stop.wait(wait_s)
-            wait_s = min(wait_s * 2, LAST_RETRY_S)
+            patience.wait(error, stop, logging.INFO if isinstance(error, SlotInUse) else logging.WARNING)
 
 
 def _follow(dsn: str, stop: Signal) -> Iterator[None]:
-    """Read and commit; yields after every receive, so that its caller knows that all is well."""
+    """Read and commit; yields after a commit, so that its caller knows that all is well."""
     with connect(dsn, ROLE, application="semap work") as connection:
         # a look-up over many partitions looks dear, and is over long before it would be compiled
         connection.execute("set jit = off")
@@ -86,12 +80,11 @@ class Reading:
         self._committed_lsn = stretch.progress.lsn
         self._commit_due_s: float | None = None
         self._given_up = stretch.progress.engine.given_up
+        self._alive_due_s = 0.0
 
     def run(self, stop: Signal) -> Iterator[None]:
         while not stop.is_set():
-            transactions = self._stream.receive(RECEIVE_S)
-            yield
-            for transaction in transactions:
+            for transaction in self._stream.receive(RECEIVE_S):
                 if self._stretch.begins_a_rule(transaction) and self._commit_due_s is not None:
                     self._commit()
                 if self._commit_due_s is None:
@@ -101,8 +94,16 @@ class Reading:
                 self._commit_due_s = time.monotonic() + QUIET_COMMIT_S
             if self._stretch.made != Made() or (self._commit_due_s or float("inf")) <= time.monotonic():
                 self._commit()
+                yield
+            self._say_alive()
         if self._commit_due_s is not None:
             self._commit()
+
+    def _say_alive(self) -> None:
+        """Only with nothing left to commit: what cannot be committed is no work."""
+        if self._commit_due_s is None and self._alive_due_s <= time.monotonic():
+            say_alive(self._connection)
+            self._alive_due_s = time.monotonic() + ALIVE_S
 
     def _commit(self) -> None:
         lsn = self._stretch.progress.lsn

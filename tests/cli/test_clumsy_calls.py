@@ -62,7 +62,7 @@ def test_versions_fit_a_terminal(office: Semap) -> None:
 @pytest.mark.parametrize(
     ("cells", "words"),
     [
-        (b"lab,door,op\xffen,2026-01-31T12:00:00Z", "not in UTF-8"),
+        (b"lab,door,op\xffen,2026-01-31T12:00:00Z", "no text in UTF-8"),
         (b"lab,door,op\0en,2026-01-31T12:00:00Z", "NUL"),
         (b"lab,door," + b"x" * 1001 + b",2026-01-31T12:00:00Z", "more than 1000 characters"),
     ],
@@ -70,7 +70,7 @@ def test_versions_fit_a_terminal(office: Semap) -> None:
 def test_states_that_are_no_text(office: Semap, tmp_path: Path, cells: bytes, words: str) -> None:
     (tmp_path / "states.csv").write_bytes(HEADER.encode() + cells + b"\n")
     status, _, said = office("ingest", "objects", tmp_path / "states.csv", "--map", "office")
-    assert (status, words in said, "near line 2" in said) == (2, True, True)
+    assert (status, words in said, "states.csv, line 2" in said) == (2, True, True)
 
 
 def test_an_argument_that_is_no_text(office: Semap) -> None:

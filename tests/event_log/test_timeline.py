@@ -91,6 +91,7 @@ def test_commands_write_whole_files_or_none(scene: World, tmp_path: Path) -> Non
             commands(), ["log", "export", str(tmp_path / f"log{suffix}"), *common], catch_exceptions=False
         )
         assert done.output == f"4 events written to {tmp_path / f'log{suffix}'}.\n"
+    assert "semap:track_id" in (tmp_path / "log.xes").read_text()
     with (tmp_path / "log.csv").open() as file:
         assert [row["type"] for row in csv.DictReader(file)] == [
             "entered",

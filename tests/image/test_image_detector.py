@@ -112,7 +112,7 @@ def test_names_from_a_file_from_metadata_and_none(tmp_path: Path) -> None:
     path = write_model(tmp_path / "model.onnx", arrays)
     with pytest.raises(InvalidInput, match="its classes have no names") as caught:
         ImageDetector.open(path)
-    assert "class_names" in caught.value.remedy
+    assert "--camera-classes" in caught.value.remedy
     assert ImageDetector.open(path, wanted=("2",)).detect(black()).label == ("2",)
     with pytest.raises(InvalidInput, match="no class 3"):
         ImageDetector.open(path, wanted=("3",))

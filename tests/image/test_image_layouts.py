@@ -92,7 +92,7 @@ def test_known_boxes_come_back(
         with pytest.raises(InvalidInput, match="do not tell for certain") as caught:
             ImageDetector.open(path)
         assert name in str(caught.value)
-        assert "layout=" in caught.value.remedy
+        assert "--camera-layout" in caught.value.remedy
     names = None if LAYOUTS[name].overlapping else ["person", *"x" * 79]
     detector = ImageDetector.open(path, layout=name if named else None, class_names=names)
     assert detector.layout.name == name

@@ -129,6 +129,13 @@ UNKNOWN = [
     ),
     Known("two images", {"output": (2, 25200, 85)}, "no detector whose outputs are known"),
     Known("names for another", {"output0": (1, 84, 8400)}, "3 class names", class_count=3),
+    Known("two classes in rows, three names", {"output": (1, 8400, 6)}, "may be yolov10", class_count=3),
+    Known("a background among the names", {"output": (1, 8400, 85)}, "do not tell", class_count=81),
+    Known(
+        "heads that are called so",
+        {"boxes": (1, 900, 4), "scores": (1, 900, 80), "labels": (1, 5)},
+        "no detector",
+    ),
     Known("segmentation", {"out": (1, 21, 520, 520)}, "fastestdet", (520, 520)),
     Known("nothing", {}, "no detector whose outputs are known"),
 ]

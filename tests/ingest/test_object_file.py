@@ -8,7 +8,13 @@ import pyarrow
 import pytest
 import shapely
 from pyarrow import parquet
-from semap_ingest.object_file import ObjectLayout, ObjectPlan, ingest_object_states, read_object_states
+from semap_ingest.object_file import (
+    ObjectLayout,
+    ObjectPlan,
+    ObjectStates,
+    ingest_object_states,
+    read_object_states,
+)
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput, NotFound
@@ -36,7 +42,7 @@ def write(folder: Path, text: str, name: str = "doors.csv") -> Path:
 
 
 def test_states_come_in_the_order_of_their_stamps(tmp_path: Path) -> None:
-    assert read_object_states(write(tmp_path, ISO), ObjectLayout()) == STATES
+    assert read_object_states(write(tmp_path, ISO), ObjectLayout()).states == STATES
 
 
 def test_parquet_says_the_same(tmp_path: Path) -> None:
@@ -46,7 +52,7 @@ def test_parquet_says_the_same(tmp_path: Path) -> None:
         for s in STATES[:2]
     ]
     parquet.write_table(pyarrow.Table.from_pylist(rows), path)
-    assert read_object_states(path, ObjectLayout()) == STATES[:2]
+    assert read_object_states(path, ObjectLayout()).states == STATES[:2]
 
 
 def test_other_columns_units_and_one_property(tmp_path: Path) -> None:
@@ -55,15 +61,19 @@ def test_other_columns_units_and_one_property(tmp_path: Path) -> None:
         stamp_unit="s", epoch_us=NOON_US,
     )  # fmt: skip
     states = read_object_states(write(tmp_path, "door;open;0\n"), layout)
-    assert states == STATES[:1]
+    assert states.states == STATES[:1]
 
 
 @pytest.mark.parametrize(
     ("text", "layout", "words"),
     [
         ("instance,value,stamp\nd,open,2026-01-31T12:00:00Z\n", ObjectLayout(), "no column for the property"),
-        ("instance,property,value,t\nd,door,open,\n", ObjectLayout(stamp_unit="s"), "near line 2: no finite stamp"),
-        ("instance,property,value,t\nd,door,open,1\n,door,open,1\n", ObjectLayout(stamp_unit="s"), "near line 3: no instance"),
+        ("instance,property,value,t\nd,door,open,\n", ObjectLayout(stamp_unit="s"), "doors.csv, line 2: there is no stamp"),
+        ("instance,property,value,t\n\"\",door,open,1\n", ObjectLayout(stamp_unit="s"), "line 2: the instance has no name"),
+        ("instance,property,value,t\nd,,open,1\n", ObjectLayout(stamp_unit="s"), "line 2: the property has no name"),
+        ("instance,property,value,t\nd,d\0,open,1\n", ObjectLayout(stamp_unit="s"), "line 2: the property is no text"),
+        ("instance,property,value,t,attributes\nd,door,open,1,\"{\"\"a\"\": NaN}\"\n", ObjectLayout(stamp_unit="s"), "no JSON object"),
+        ("instance,property,value,t,attributes\nd,door,open,1,\"{\"\"a\"\": \"\"\\u0000\"\"}\"\n", ObjectLayout(stamp_unit="s"), "no JSON object"),
         ("instance,property,value,t,attributes\nd,door,open,1,[1]\n", ObjectLayout(stamp_unit="s"), "no JSON object"),
         ("instance,property,value,t\nd,door,open,noon\n", ObjectLayout(), "not an ISO 8601 stamp"),
         ("instance,property,value,t\nd,door\n", ObjectLayout(), "line 2: 2 values"),
@@ -74,6 +84,9 @@ def test_what_cannot_be_read_is_told(tmp_path: Path, text: str, layout: ObjectLa
     with pytest.raises(InvalidInput, match=words) as told:
         read_object_states(write(tmp_path, text), layout)
     assert told.value.remedy
+
+
+READ = ObjectStates(STATES, tuple(f"doors.csv, line {line}" for line in (2, 3, 4)))
 
 
 def stored(world: World) -> list[tuple]:
@@ -97,10 +110,10 @@ def test_batches_carry_their_watermark_and_are_passed_over_when_known(world: Wor
 
     for _ in range(3):
         with pytest.raises(InterruptedError):
-            ingest_object_states(world.dsn, plan, STATES, advance)
+            ingest_object_states(world.dsn, plan, READ, advance)
     assert len(stored(world)) == 1
-    assert ingest_object_states(world.dsn, plan, STATES, advance) == 2
-    assert ingest_object_states(world.dsn, plan, STATES) == 0
+    assert ingest_object_states(world.dsn, plan, READ, advance) == 2
+    assert ingest_object_states(world.dsn, plan, READ) == 0
     assert marks[-3:] == [
         (done, 3, to_datetime(NOON_US + after_us))
         for done, after_us in ((1, 2 * SECOND_US - 1), (2, 5 * SECOND_US - 1), (3, 5 * SECOND_US))
@@ -114,14 +127,15 @@ def test_kept_open_a_source_says_nothing_of_how_far_it_is(world: World) -> None:
     for name in ("door", "gate"):
         world.add_room(name, shapely.box(0, 0, 1, 1))
     plan = ObjectPlan("world", "contacts", keep_open=True)
-    assert ingest_object_states(world.dsn, plan, STATES) == 3
+    assert ingest_object_states(world.dsn, plan, READ) == 3
     assert world.one("select watermark = '-infinity' from semap.source where name = 'contacts'") is True
 
 
-def test_a_batch_with_an_unknown_instance_is_left_out_whole(world: World) -> None:
+def test_a_file_with_an_unknown_instance_leaves_no_trace(world: World) -> None:
     world.add_room("door", shapely.box(0, 0, 1, 1))
-    with pytest.raises(NotFound, match="no instance gate"):
-        ingest_object_states(world.dsn, ObjectPlan("world", "contacts"), STATES)
+    with pytest.raises(NotFound, match=r"doors\.csv, line 3: There is no instance gate on the map world"):
+        ingest_object_states(world.dsn, ObjectPlan("world", "contacts", batch_size=1), READ)
     assert stored(world) == []
+    assert world.one("select count(*) from semap.source where name = 'contacts'") == 0
     with pytest.raises(NotFound, match="no map nowhere"):
-        ingest_object_states(world.dsn, ObjectPlan("nowhere", "contacts"), STATES)
+        ingest_object_states(world.dsn, ObjectPlan("nowhere", "contacts"), READ)

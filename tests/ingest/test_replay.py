@@ -113,10 +113,46 @@ def test_states_that_are_there_already_are_refused_and_nothing_changes(world: Wo
     assert len(stored(world)) == 30
 
 
+PARTITIONS = "select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass"
+
+
+def test_what_is_refused_leaves_no_trace(world: World) -> None:
+    """The clash is in the last batch of the file: none of the batches before it are written either."""
+    replay(world.dsn, PLAN, walk(30))
+    partitions = world.one(PARTITIONS)
+    longer = walk(600)
+    later = replace(longer, stamp_us=longer.stamp_us[::-1][0] - longer.stamp_us[::-1] - 10**15)
+    clashing = replace(
+        later, stamp_us=np.where(np.arange(600) == 599, 0, later.stamp_us), track=later.track * 0
+    )
+    with pytest.raises(
+        Conflict, match=r"walk\.csv: States of the source walk are stored already: the track t0"
+    ):
+        replay(world.dsn, replace(PLAN, fingerprint="f2"), clashing)
+    with pytest.raises(NotFound):
+        replay(world.dsn, replace(PLAN, map_name="nowhere"), later)
+    with pytest.raises(InvalidInput, match="--source"):
+        replay(world.dsn, replace(PLAN, source="x" * 201), later)
+    assert len(stored(world)) == 30
+    assert world.rows("select fingerprint from semap.recording") == [("f1",)]
+    assert world.one(PARTITIONS) == partitions
+
+
+def test_a_first_batch_that_is_refused_leaves_neither_source_nor_tracks(world: World) -> None:
+    """By a file whose numbers went through no reader, so that only the database refuses them."""
+    wild = replace(walk(9), x_m=np.full(9, 1e9))
+    with pytest.raises(InvalidInput):
+        replay(world.dsn, PLAN, wild)
+    assert world.one("select count(*) from semap.source where name = 'walk'") == 0
+    assert (
+        world.one("select (select count(*) from semap.track) + (select count(*) from semap.recording)") == 0
+    )
+
+
 def test_another_file_goes_on_with_open_tracks(world: World) -> None:
     world.add_room("room", shapely.box(-1, -1, 100, 1))
     whole = walk(60)
-    columns = [each.name for each in fields(Tracks) if each.name not in ("names", "findings")]
+    columns = [each.name for each in fields(Tracks) if each.name not in ("names", "findings", "left_out")]
     first, rest = (
         Tracks(whole.names, *(getattr(whole, each)[part] for each in columns))
         for part in (slice(30), slice(30, None))

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import psycopg
 import pytest
+import shapely
+import shapely.geometry
 from rule_work import running_worker
 from semap_service.operations.doctor import machine_checks, server_checks
 from semap_service.operations.doctor.content_checks import CONTENT_CHECKS
@@ -28,7 +30,12 @@ from semap_service.operations.doctor.machine_checks import MACHINE_CHECKS
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.formats.geojson import parse_geojson
+from semap.model.continuous_query import Declaration, Side
+from semap.store.building import import_building
+from semap.store.database import connect, one_transaction
+from semap.store.maps import create_map
+from semap.store.queries import add_query
 from semap.store.schema import ensure_slot
 
 CHECKS = {check.name: check for check in DATABASE_CHECKS}
@@ -81,7 +88,10 @@ BROKEN = [
     ("sources", [MAP, SOURCE, "update semap.source set idle = true"], Level.WARN, "silent sources", "semap ingest"),
     ("sources", [MAP, SOURCE, "update semap.source set late_states = 50",
                  "insert into semap.source_count (source_id, track_states) select source_id, 100 from semap.source"],
-     Level.WARN, "of 100 states of source office/lidar, 50", "order of stamps"),
+     Level.WARN, "of 100 states of source office/lidar, 50 came late: they corrected relations", "order of stamps"),
+    ("sources", [MAP, SOURCE, "update semap.source set late_states = 50",
+                 "insert into semap.source_count (source_id, lines) select source_id, 100 from semap.source"],
+     Level.WARN, "of 100 states of source office/lidar, 50 came too late to move a door", "order of stamps"),
     ("rules", [MAP, RULE, FAILED], Level.WRONG, "out of force: office/visits", "semap rule replace"),
     ("rules", [MAP, RULE, GIVEN_UP], Level.WARN, "office/visits: it gave up 12 attempts, as more than 10,000 were under way in"
      " one key; events that begin at 2026-01-31T12:00:00Z or later may be missing (first of track ann)", "window"),
@@ -140,6 +150,38 @@ def test_what_is_broken_is_named(
     assert [each.level for each in found] == [level]
     assert message in found[0].message
     assert remedy in found[0].remedy
+
+
+FLAT = {
+    "type": "FeatureCollection",
+    "features": [
+        {"type": "Feature", "properties": {"name": name}, "geometry": shapely.geometry.mapping(shapely.box(x, 0, x + 4, 4))}
+        for name, x in (("hall", 0), ("office", 4))
+    ]
+    + [
+        {"type": "Feature", "properties": {"name": "door", "concept": "Door", "joins": ["hall", "office"]},
+         "geometry": {"type": "LineString", "coordinates": [[4, 1], [4, 2]]}},
+    ],
+}  # fmt: skip
+
+
+def test_a_door_drawn_as_a_line_can_be_crossed_and_not_be_stood_in(database: str) -> None:
+    """What a query can compare depends on the query: that it works is no trouble."""
+    door = Side("instance", concept="Door")
+    with one_transaction(database) as connection:
+        create_map(connection, "flat")
+        import_building(connection, "flat", parse_geojson(FLAT))
+        add_query(
+            connection, "flat", Declaration("through", "crosses", Side("track"), door, abstraction="Line")
+        )
+    with connect(database) as connection:
+        assert [each.level for each in examine(CHECKS["shapes"], connection)] == [Level.OK]
+    with one_transaction(database) as connection:
+        add_query(connection, "flat", Declaration("in_door", "contains", Side("track"), door))
+    with connect(database) as connection:
+        [found] = examine(CHECKS["shapes"], connection)
+    assert found.message.startswith("instances that the query in_door watches")
+    assert found.message.endswith("flat/door")
 
 
 def test_all_is_well_where_it_is_and_a_lost_slot_is_told(database: str) -> None:

@@ -71,6 +71,10 @@ class Edge:
             self._forget(slice(0, outdated))
         return place >= outdated
 
+    def span_us(self) -> tuple[int, int] | None:
+        """The first and the last stamp that are kept; None where it is static."""
+        return (self._stamps[0], self._stamps[-1]) if self._static is None else None
+
     def parent_at(self, stamp_us: int) -> str:
         """The parent at or next before the stamp; before all stamps, the first."""
         if self._static is not None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
+from semap.timeline.stamp import to_datetime
 from semap_ingest.frames.edge import Edge, Missing, Placed
 from semap_ingest.frames.rigid import inverse
 from semap_ingest.sensing.transform import Transform
@@ -90,6 +91,26 @@ class TransformBuffer:
             return ancestor_T_parent
         return inverse(ancestor_T_parent) @ ancestor_T_child if chain.of_parent else ancestor_T_child
 
+    def why_missing(self, parent: str, child: str, stamp_us: int) -> str:
+        """Why `lookup` gives no matrix, for people."""
+        if not child:
+            return "its messages name no frame (their header's frame_id is empty)"
+        for frame in (child, parent):
+            if frame not in self._frames:
+                return f"no transform names the frame {frame!r}"
+        ways = self._ancestors(child, stamp_us), self._ancestors(parent, stamp_us)
+        common = next((frame for frame in ways[0] if frame in ways[1]), None)
+        if common is None:
+            tops = ways[0][-1], ways[1][-1]
+            return f"transforms lead from {child!r} up to {tops[0]!r}, and from {parent!r} up to {tops[1]!r}"
+        for way in ways:
+            for frame in way[: way.index(common)]:
+                edge = self._edges[frame]
+                span_us = edge.span_us()
+                if span_us is not None and isinstance(edge.at(stamp_us), Missing):
+                    return _outside(edge.parent_at(stamp_us), frame, span_us)
+        return "transforms came too late"
+
     def _chain(self, parent: str, child: str, stamp_us: int) -> Chain | None:
         """Remembered as long as no frame has changed its parent within what is kept."""
         if self._reparented:
@@ -116,6 +137,16 @@ class TransformBuffer:
         while (edge := self._edges.get(way[-1])) and (above := edge.parent_at(stamp_us)) not in way:
             way.append(above)
         return way
+
+
+def _outside(parent: str, child: str, span_us: tuple[int, int]) -> str:
+    first, last = (to_datetime(each).isoformat() for each in span_us)
+    if first == last:
+        return (
+            f"the transform from {parent!r} to {child!r} was sent once, for {first}, and holds at no other"
+            " time; one that always holds belongs on /tf_static"
+        )
+    return f"the transform from {parent!r} to {child!r} is known from {first} to {last} only"
 
 
 def _placed(transform: Transform) -> Placed:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 
 from semap_ingest.image.dense import PYRAMIDS, places, pyramid_of
 from semap_ingest.image.heads import DarknetHead
@@ -182,7 +183,7 @@ def boxes_and_classes(evidence: Evidence) -> Arrangement | None:
 
 
 def named(*words: Sequence[str], asks_for_sizes: bool = False) -> Arrange:
-    """One output for each of `words`, with one of them in its name.
+    """One output for each of `words`, with one of them in its name, of as many things as there are boxes.
 
     TensorFlow's are called so too (detection_boxes), and hold something else.
     """
@@ -193,9 +194,18 @@ def named(*words: Sequence[str], asks_for_sizes: bool = False) -> Arrange:
         order = tuple(hit[0] for hit in hits if len(hit) == 1)
         if len(names) != len(words) or len(set(order)) != len(words) or "detection_" in " ".join(names):
             return None
-        return Arrangement(order, None) if evidence.has_sizes_input == asks_for_sizes else None
+        is_one_each = _one_for_each_box([evidence.outputs[i] for i in order[-3:]])
+        is_counted = len(order) == 3 or prod(evidence.outputs[order[0]].sizes) == 1
+        fits = is_one_each and is_counted and evidence.has_sizes_input == asks_for_sizes
+        return Arrangement(order, None) if fits else None
 
     return arrange
+
+
+def _one_for_each_box(outputs: Sequence[Tensor]) -> bool:
+    """Whether these are boxes (..., n, 4), and n scores and n classes."""
+    boxes, scores, classes = (output.sizes for output in outputs)
+    return boxes[-1:] == (4,) and prod(boxes) == 4 * prod(scores) == 4 * prod(classes)
 
 
 def boxes_scores_selected(evidence: Evidence) -> Arrangement | None:
@@ -218,12 +228,13 @@ def boxes_scores_selected(evidence: Evidence) -> Arrangement | None:
 def likely_rows(before_classes: int, *anchors: int, or_long: bool = False) -> Likely:
     """A list of so many `anchors` for each cell; `or_long`: or one of no grid that is too long for queries.
 
-    Where no class names are known, 84 and 85 columns are those of COCO.
+    84 and 85 columns are those of COCO, where no class names are known, or one too many or too few.
     """
 
     def likely(evidence: Evidence) -> bool:
         count, columns = evidence.only_list or (0, 0)
-        is_coco = evidence.class_count is None and columns in (COCO_CLASSES + 4, COCO_CLASSES + 5)
+        may_be_coco = evidence.class_count in (None, COCO_CLASSES - 1, COCO_CLASSES + 1)
+        is_coco = may_be_coco and columns in (COCO_CLASSES + 4, COCO_CLASSES + 5)
         if evidence.is_rtdetr or (is_coco and columns != COCO_CLASSES + before_classes):
             return False
         per_cell = evidence.anchors_per_cell(count)
@@ -252,12 +263,12 @@ def likely_joined_queries(evidence: Evidence) -> bool:
 
 
 def likely_suppressed_rows(evidence: Evidence) -> bool:
-    """With a number of classes for which six columns can be nothing else, or too few rows for a grid."""
+    """With too few rows for a grid, or as the metadata say."""
     count, columns = evidence.only_list or (0, 0)
     if evidence.metadata.get("end2end", "").lower() == "true":
         return True
-    if evidence.class_count is not None and evidence.class_count not in (columns - 4, columns - 5):
-        return True
+    if evidence.class_count not in (None, columns - 4, columns - 5):
+        return count <= MOST_QUERIES
     return evidence.may_be_queries(count) and not evidence.is_rtdetr
 
 

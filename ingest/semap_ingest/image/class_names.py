@@ -38,7 +38,7 @@ class ClassNames:
             if named:
                 raise InvalidInput(
                     f"its classes have no names, so that there is no {named[0]!r}",
-                    "Give class_names, a list or a file with one name in a line; or want classes by number.",
+                    "Name them in a file, one in each line: --camera-classes FILE.",
                     where,
                 )
             return np.array(sorted({int(name) for name in wanted}), dtype=np.int64)
@@ -73,7 +73,7 @@ def given_names(names: str | Path | Sequence[str] | None) -> tuple[str, ...] | N
             ) from error
         listed = tuple(line.strip() for line in lines if line.strip())
     if not listed:
-        raise InvalidInput("there is no class name", "Give at least one, or leave class_names out.")
+        raise InvalidInput("there is no class name", "Give at least one, or leave --camera-classes out.")
     return listed
 
 

@@ -23,6 +23,9 @@ from semap_ingest.image.tensor import ImageInput
 from semap_ingest.sensing.boxes import Boxes
 from semap_ingest.sensing.image import Image
 
+LEAST_REACH_PX = 2.0
+"""All boxes of an image nearer to its corner are those of a model that counts from 0 to 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class ImageDetector:
@@ -115,6 +118,12 @@ class ImageDetector:
         # A network may give any numbers; what comes of those that are none is left out below.
         with np.errstate(all="ignore"):
             candidates = self.layout.decode([outputs[i] for i in self.order], self.choice)
+        if len(candidates.score) and np.abs(candidates.corners_px).max() <= LEAST_REACH_PX:
+            raise InvalidInput(
+                f"the boxes of {self.model.where} lie within {LEAST_REACH_PX:g} px of the image's corner,"
+                " as if their unit were another one",
+                "Name the layout that it was exported with: --camera-layout NAME.",
+            )
         candidates = _in_reach(candidates, self.input.size_px)
         if self.layout.overlapping:
             candidates = suppress(candidates, self.max_overlap)

@@ -22,7 +22,8 @@ def recognise(
     if not fitting:
         raise InvalidInput(
             f"{_what_it_is(evidence)}; it has {found}{_names_said(evidence)}",
-            f"Give a person detector with one of these outputs: {', '.join(LAYOUTS)}.",
+            f"Give a person detector with one of these outputs: {', '.join(LAYOUTS)}."
+            " Where its metadata name other classes than it has, name them: --camera-classes FILE.",
             where,
         )
     likely = [(each, fits) for each, fits in fitting if each.likely(evidence)]
@@ -32,7 +33,8 @@ def recognise(
     raise InvalidInput(
         f"its outputs do not tell for certain which layout they have, which may be {', '.join(names)}; "
         f"it has {found}",
-        f"Name the one that it was exported with, as in layout={names[0]!r}; class_names may settle it too.",
+        f"Name the one that it was exported with: --camera-layout {names[0]}; its classes in a file, one in"
+        " each line, may settle it too: --camera-classes FILE.",
         where,
     )
 
@@ -46,7 +48,7 @@ def _as_named(evidence: Evidence, found: str, layout: str | Layout, where: str) 
     if fits is None:
         raise InvalidInput(
             f"its outputs are not of the layout {layout.name!r}; it has {found}{_names_said(evidence)}",
-            "Leave layout out to have it recognised, or name another.",
+            "Leave --camera-layout out to have it recognised, or name another.",
             where,
         )
     return layout, fits

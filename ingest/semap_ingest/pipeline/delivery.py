@@ -15,13 +15,13 @@ import psycopg
 
 from semap.errors import ServerUnavailable
 from semap.store.database import connect
+from semap.store.patience import Patience
 from semap_ingest.pipeline.found import Found
-from semap_ingest.pipeline.registration import Registered, register
+from semap_ingest.pipeline.registration import Found as Known
+from semap_ingest.pipeline.registration import look_up, register
 from semap_ingest.pipeline.writing import Writer
 
 ROLE = "semap_ingest"
-FIRST_RETRY_S = 0.05
-LAST_RETRY_S = 2.0
 
 log = logging.getLogger(__name__)
 
@@ -64,9 +64,10 @@ class Delivery:
         self._committed = committed
         self._waiting: list[_Numbered] = []
         self._taken = 0
-        self._connection, self._registered, self._writer = self._open()
-        self._done = self._registered.done
-        self.resumed_at, self.was_finished = self._registered.done, self._registered.finished
+        self._writer: Writer | None = None
+        self._connection, self._known = self._open()
+        self._done = self._known.done
+        self.resumed_at, self.was_finished = self._known.done, self._known.finished
 
     @property
     def is_catching_up(self) -> bool:
@@ -87,18 +88,20 @@ class Delivery:
         raises   ServerUnavailable, where it is away and `stop` is set; Conflict, where another process has
                  taken over; NotFound, where the source was deleted
         """
-        wait_s = FIRST_RETRY_S
+        if self._writer is None and not is_over and not any(each.is_result for each in self._waiting):
+            # a source is made with its first result; until then the newest watermark will do
+            del self._waiting[:-1]
+            return
+        patience = Patience(log, f"{len(self._waiting)} results wait")
         while self._waiting or is_over:
             try:
                 self._write(is_over)
+                patience.restored()
                 break
             except ServerUnavailable as error:
                 self._connection.close()
-                if wait_s == FIRST_RETRY_S:
-                    log.warning("%s Waiting for the server.", error)
-                if self._stop.wait(wait_s):
+                if patience.wait(error, self._stop):
                     raise
-                wait_s = min(wait_s * 2, LAST_RETRY_S)
         for each in self._waiting:
             self._committed(each.found)
         self._waiting.clear()
@@ -106,7 +109,7 @@ class Delivery:
     def give_up(self) -> None:
         """Write what waits, and let rules not wait for what the recording does not give any more."""
         self.commit()
-        if not self._connection.closed:
+        if self._writer is not None and not self._connection.closed:
             self._writer.end_sources()
 
     def close(self) -> None:
@@ -115,26 +118,31 @@ class Delivery:
 
     def _write(self, is_over: bool) -> None:
         if self._connection.closed:
-            self._connection, self._registered, self._writer = self._open()
-            self._done = self._registered.done
+            self._writer = None
+            self._connection, self._known = self._open()
+            self._done = self._known.done
         # a commit whose answer was lost may have been made
         batch = [each.found for each in self._waiting if self._is_new(each)]
-        if batch or (is_over and not self._registered.finished):
+        if batch or (is_over and not self._known.finished):
             done = max(self._done, self._taken)
+            self._writer = self._writer or self._new_writer()
             self._writer.commit(batch, done, is_over=is_over)
             self._done = done
 
     def _is_new(self, each: _Numbered) -> bool:
         return each.number > self._done or (each.number == self._done and not each.is_result)
 
-    def _open(self) -> tuple[psycopg.Connection, Registered, Writer]:
+    def _new_writer(self) -> Writer:
+        target = self._target
+        registered = register(self._connection, self._known, target.source, target.path, target.fingerprint)
+        return Writer(self._connection, registered, target.source, target.floor_z_m)
+
+    def _open(self) -> tuple[psycopg.Connection, Known]:
         target = self._target
         connection = connect(target.dsn, ROLE, application="semap ingest", autocommit=False)
         try:
-            registered = register(
-                connection, target.map_name, target.source, target.path, target.fingerprint, self._stop
-            )
+            known = look_up(connection, target.map_name, target.source, target.fingerprint, self._stop)
         except BaseException:
             connection.close()
             raise
-        return connection, registered, Writer(connection, registered, target.source, target.floor_z_m)
+        return connection, known

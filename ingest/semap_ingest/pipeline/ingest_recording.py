@@ -15,6 +15,7 @@ from pathlib import Path
 from threading import Event as Signal
 
 from semap.errors import InvalidInput, ServerUnavailable
+from semap.store.name import require_plain_name
 from semap_ingest.image.detector import ImageDetector
 from semap_ingest.laser.detector import PACKAGED, LegDetector
 from semap_ingest.pipeline.delivery import Delivery, Target
@@ -22,7 +23,7 @@ from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.identity import fingerprint
 from semap_ingest.pipeline.meter import Meter, no_meter
 from semap_ingest.pipeline.pace import Pace
-from semap_ingest.pipeline.perception import Perception
+from semap_ingest.pipeline.perception import CAMERA, Perception
 from semap_ingest.pipeline.roles import Roles
 from semap_ingest.pipeline.survey import survey
 from semap_ingest.pipeline.thinning import thinned
@@ -32,6 +33,9 @@ from semap_ingest.recording.reading import PERSON_CLASSES, Recording
 BATCH_US = 1_000_000
 QUIET_US = 60_000
 """At a pace a watermark that has moved so far is committed though nothing was found."""
+
+SENSED = {"scan": ("scan",), CAMERA: ("image", "boxes"), "poses": ("poses",)}
+"""What topics play, by what perception calls it."""
 
 LEAST_SCORE = 0.2
 """Of a box that is kept: weak ones go on with tracks, but begin none."""
@@ -50,6 +54,7 @@ class Plan:
     map_frame    the recording's frame that is the map's
     floor_z_m    height of the floor in it
     image_model  ONNX file of the image detector; None: images are not looked at
+    image_layout, class_names  of its outputs, and a file of its classes, where the model does not tell
     providers    of onnxruntime
     images_hz    at most so many images a second are looked at; None: all
     person_classes  what the robot calls persons, where it has found them by itself
@@ -64,6 +69,8 @@ class Plan:
     map_frame: str = "map"
     floor_z_m: float = 0.0
     image_model: Path | None = None
+    image_layout: str | None = None
+    class_names: Path | None = None
     providers: tuple[str, ...] = ("CPUExecutionProvider",)
     images_hz: float | None = None
     person_classes: Collection[str] = PERSON_CLASSES
@@ -84,6 +91,7 @@ class Ingested:
     resumed_at  results that were there before
     left_out    records that could not be used: why, and how many
     is_whole    false where it was stopped: another call goes on
+    fruitless   what of it led to nothing, though it should have; `left_out` says why
     """
 
     records: int
@@ -94,6 +102,7 @@ class Ingested:
     resumed_at: int
     left_out: Mapping[str, int]
     is_whole: bool = True
+    fruitless: tuple[str, ...] = ()
 
 
 def ingest_recording(
@@ -113,11 +122,18 @@ def ingest_recording(
     raises     NotFound, where there is no such map; Conflict, where the source has another recording, or
                another process brings this one in; InvalidInput, where the recording cannot be used
     """
+    require_plain_name(plan.source, "--source")
     stop = stop or Signal()
     tally = _Tally(committed)
     with Recording(plan.path, person_classes=plan.person_classes) as recording:
         length_s = (recording.end_us - recording.start_us) / 1e6
-        parts = cast_parts(recording.topics, plan.topics, looks_at_images=plan.image_model is not None)
+        parts = cast_parts(
+            recording.topics,
+            plan.topics,
+            looks_at_images=plan.image_model is not None,
+            flaw_of=recording.flaw_of,
+        )
+        _require_camera(parts)
         roles = roles_of(parts, plan)
         target = Target(
             dsn, plan.map_name, plan.source, str(plan.path), _identity(plan, parts), plan.floor_z_m
@@ -137,7 +153,12 @@ def ingest_recording(
             except InvalidInput:
                 delivery.give_up()
                 raise
-        unread = {f"{each.topic}: {each.why.value}": each.count for each in recording.passed_over}
+        unread = {
+            f"{each.topic}: {each.why.value} (the first: {each.example})": each.count
+            for each in recording.passed_over
+        }
+        counts = {topic.name: topic.count for topic in recording.topics}
+        useless = {f"{name}: {flaw}": counts[name] for name, flaw in parts.useless.items()}
     return Ingested(
         perception.taken,
         length_s,
@@ -145,8 +166,11 @@ def ingest_recording(
         len(tally.tracks),
         tally.lines,
         delivery.resumed_at,
-        {**unread, **perception.left_out},
+        {**useless, **unread, **perception.left_out},
         is_whole,
+        _fruitless(perception, parts, bool(tally.states or tally.lines or delivery.resumed_at))
+        if is_whole
+        else (),
     )
 
 
@@ -199,21 +223,58 @@ class _Run:
         if perception.placed or not perception.given_up:
             return
         known = ", ".join(sorted(perception.frames))
+        reasons = sorted({f"{source}: {why}" for (source, _, _), why in perception.reasons.items()})
         raise InvalidInput(
-            f"no transforms lead from its sensors to the frame {frame!r}, so that nothing has a place",
-            "Name the frame that is the map's: --frame NAME. "
+            "\n  ".join([f"it is not known where its sensors stood in the frame {frame!r}", *reasons]),
+            "Mend that in the recording, or name the frame that is the map's: --frame NAME. "
             + (f"Its transforms name {known}." if known else "It has none: a sensor's own frame may be it."),
             self.plan.path.name,
         )
+
+
+def _require_camera(parts: Parts) -> None:
+    """Raises InvalidInput where images are to be looked at, and nothing says how their camera sees."""
+    if not (parts.has("image") or parts.has("boxes")) or parts.has("camera_info"):
+        return
+    flaws = [f"{name}: {flaw}" for name, flaw in parts.useless.items()]
+    raise InvalidInput(
+        "; ".join(["nothing says how the camera sees that took its images", *flaws]),
+        "Record its camera_info, or leave the images out: --topic image= --topic boxes=",
+    )
+
+
+def _fruitless(perception: Perception, parts: Parts, is_anything_in: bool) -> tuple[str, ...]:
+    """What of a recording led to nothing, though it should have."""
+    without_use = [
+        f"none of {given} records of the {part} could be used"
+        for part, given in perception.given.items()
+        if not perception.used[part]
+    ]
+    silent = [
+        f"no record of the {part} could be read"
+        for part, kinds in SENSED.items()
+        if any(parts.has(kind) for kind in kinds) and not perception.given[part]
+    ]
+    nothing = [] if is_anything_in else ["no person and no line was found"]
+    return (*without_use, *silent, *nothing)
 
 
 def _identity(plan: Plan, parts: Parts) -> str:
     """Of the recording, and of all of a plan that changes the results."""
     topics = sorted((part, names) for part, names in parts.topics.items() if names)
     classes = sorted(plan.person_classes)
-    options = (topics, plan.map_frame, plan.floor_z_m, plan.images_hz, classes, plan.providers)
+    options = (
+        topics,
+        plan.map_frame,
+        plan.floor_z_m,
+        plan.images_hz,
+        classes,
+        plan.providers,
+        plan.image_layout,
+    )
     with as_file(PACKAGED) as legs:
-        models = [legs, *([plan.image_model] if plan.image_model and parts.has("image") else [])]
+        of_images = [each for each in (plan.image_model, plan.class_names) if each and parts.has("image")]
+        models = [legs, *of_images]
         return fingerprint(plan.path, models, options)
 
 
@@ -221,12 +282,19 @@ def roles_of(parts: Parts, plan: Plan) -> Roles:
     """The detectors that a recording needs: for what it has, as far as there are models."""
     detector = None
     if parts.has("image") and plan.image_model is not None:
-        detector = ImageDetector.open(plan.image_model, providers=plan.providers, min_score=LEAST_SCORE)
+        detector = ImageDetector.open(
+            plan.image_model,
+            layout=plan.image_layout,
+            class_names=plan.class_names,
+            providers=plan.providers,
+            min_score=LEAST_SCORE,
+        )
     return Roles(
         detector,
         LegDetector.open() if parts.has("scan") else None,
         parts.has("boxes"),
         parts.has("poses"),
+        parts.is_one_camera,
         plan.person_classes,
     )
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
-from semap_ingest.frames.transform_buffer import TransformBuffer
+from semap_ingest.frames.transform_buffer import Missing, TransformBuffer
 from semap_ingest.frames.waiting import GivenUp, Ready, WaitingRecords
 from semap_ingest.fusion.persons import SensorGeometry, fuse
 from semap_ingest.image.decoding import BrokenImage, decode
@@ -56,6 +56,8 @@ from semap_ingest.tracking.image_tracker import ImageTracker
 from semap_ingest.tracking.map_tracker import MapTracker
 
 T = TypeVar("T")
+
+CAMERA = "camera"
 
 PLACED_STD_M = 0.4
 """Of a person's position, along the worst axis, up to which its state is told."""
@@ -103,7 +105,9 @@ class Perception:
     taken     records that were given to it
     placed    those of sensors of which it became known where they were seen from
     frames    that transforms have named
+    given     records of each part, and used: those of them that could tell something
     left_out  records that could not be used: why, and how many
+    reasons   why it did not become known where sensors stood
     """
 
     def __init__(
@@ -116,6 +120,9 @@ class Perception:
     ) -> None:
         self.taken = self.placed = 0
         self.frames: set[str] = set()
+        self.given: Counter[str] = Counter()
+        self.used: Counter[str] = Counter()
+        self.reasons: dict[tuple[str, str, Missing], str] = {}
         self._roles = roles
         self._timing = timing
         self._map_frame = map_frame
@@ -144,14 +151,10 @@ class Perception:
 
     @property
     def left_out(self) -> Mapping[str, int]:
-        given_up = {
-            f"{source}: where it was seen from is not known ({why.value})": count
-            for (source, why), count in self._waiting.given_up.items()
-        }
         refused = {
             f"{reason} for synchronisation": count for reason, count in self._synchroniser.refused.items()
         }
-        return {**self._left_out, **self._order.refused, **given_up, **refused}
+        return {**self._left_out, **self._order.refused, **refused}
 
     @property
     def given_up(self) -> int:
@@ -170,6 +173,7 @@ class Perception:
             case Camera():
                 self._cameras[value.frame] = value
             case Image() | CompressedImage() | Boxes() | Scan() | PersonPoses():
+                self.given[part_of(value)] += 1
                 for each, seen in self._order.pass_on(received, value):
                     with self._forgiving(each.topic):
                         self._look_at(seen, each.sent_us)
@@ -227,6 +231,11 @@ class Perception:
                 self._left_out[f"images: {decoded.reason}"] += 1
                 return
             image = decoded
+        camera, (height, width) = self._camera_of(image.frame), image.pixels.shape[:2]
+        if camera is not None and (camera.width_px, camera.height_px) != (width, height):
+            described = f"{camera.width_px} x {camera.height_px}"
+            self._left_out[f"images: of {width} x {height} px, and camera_info is of {described}"] += 1
+            return
         with self._meter("detect in image"):
             boxes = detector.detect(image)
         self._wait("image", sent_us, image, self._tracked(boxes))
@@ -238,6 +247,10 @@ class Perception:
     def _look_at_scan(self, scan: Scan, sent_us: int) -> None:
         if self._roles.leg_detector is None:
             return
+        if not scan.is_return.any():
+            self._left_out["scan: nothing came back in it"] += 1
+        else:
+            self.used["scan"] += 1
         with self._meter("find legs"):
             clusters = self._roles.leg_detector.detect(scan)
         with self._meter("find lines"):
@@ -253,6 +266,7 @@ class Perception:
         lines: list[LinesAt] = []
         for each in placed:
             if isinstance(each, GivenUp):
+                self._left_out[f"{each.source}: {self._why_given_up(each)}"] += 1
                 continue
             self.placed += 1
             if np.abs(each.target_T_frame[:3, 3]).max() > FARTHEST_M:
@@ -269,6 +283,30 @@ class Perception:
             _known(self._scanned_us if self._roles.leg_detector else self._persons_mark_us()),
         )
 
+    def _why_given_up(self, each: GivenUp[Any]) -> str:
+        """As it was the first time."""
+        record = each.record
+        known = (each.source, record.frame, each.why)
+        if known not in self.reasons:
+            self.reasons[known] = self._transforms.why_missing(self._map_frame, record.frame, record.stamp_us)
+        return f"where it was seen from is not known: {self.reasons[known]}"
+
+    def _camera_of(self, frame: str) -> Camera | None:
+        """The camera that has this frame; else the one there is, where it is told to be of the images."""
+        known = self._cameras.get(frame)
+        if known is None and self._roles.is_one_camera and len(self._cameras) == 1:
+            return replace(next(iter(self._cameras.values())), frame=frame)
+        return known
+
+    def _without_camera(self, frame: str) -> str:
+        if not self._cameras:
+            return "images: no camera_info has come before them"
+        return (
+            f"images: they are of the frame {frame!r}, and camera_info is of"
+            f" {', '.join(map(repr, self._cameras))}; where it is of the same camera, name it:"
+            " --topic camera_info=TOPIC"
+        )
+
     def _lines_at(self, each: Ready[Any]) -> LinesAt:
         scan: _Looked[ScanFound] = each.record
         self._scanned_us = scan.stamp_us
@@ -278,6 +316,7 @@ class Perception:
     def _persons_at(self, looked: _Looked[Any], map_T_sensor: NDArray[np.float64]) -> list[PersonsAt]:
         match looked.found:
             case PersonPoses():
+                self.used["poses"] += 1
                 self._persons_us = looked.stamp_us
                 detections = persons_on_map(looked.found, map_T_sensor, self._map_frame)
                 return [self._tracked_on_map(detections, looked.sent_us)]
@@ -293,6 +332,7 @@ class Perception:
     ) -> list[PersonsAt]:
         """What is final now; where only one of the sensors is there, that is each record by itself."""
         if isinstance(found, Boxes):
+            self.used[CAMERA] += self._camera_of(looked.frame) is not None
             camera_saw = _Placed(looked.frame, looked.sent_us, map_T_sensor, found)
             if self._roles.leg_detector is None:
                 return self._fused(AloneA(looked.stamp_us, camera_saw))
@@ -318,9 +358,9 @@ class Perception:
         self._persons_us = max(self._persons_us, stamp_us)
         if laser_saw is None and stamp_us < self._scanned_us + 2 * self._timing.tolerance_us:
             return []
-        camera = None if camera_saw is None else self._cameras.get(camera_saw.frame)
+        camera = None if camera_saw is None else self._camera_of(camera_saw.frame)
         if camera_saw is not None and camera is None:
-            self._left_out["images: no camera_info has come before them"] += 1
+            self._left_out[self._without_camera(camera_saw.frame)] += 1
             camera_saw = None
         seen = [each for each in (camera_saw, laser_saw) if each is not None]
         if not seen:
@@ -368,6 +408,17 @@ class Perception:
         if roles.poses_given or roles.leg_detector is None or not roles.has_camera:
             return self._persons_us
         return self._synchroniser.watermark_us
+
+
+def part_of(seen: Seen) -> str:
+    """Which part of a recording it is."""
+    match seen:
+        case Scan():
+            return "scan"
+        case PersonPoses():
+            return "poses"
+        case _:
+            return CAMERA
 
 
 def _both_sides(

@@ -33,6 +33,7 @@ class Roles:
 
     boxes_given     the robot finds its boxes by itself
     poses_given     it finds the persons themselves: scans tell of lines only
+    is_one_camera   camera_info is of the images, also where it names another frame
     person_classes  classes of given boxes that are persons, by any case of letters
     """
 
@@ -40,6 +41,7 @@ class Roles:
     leg_detector: LegDetector | None = None
     boxes_given: bool = False
     poses_given: bool = False
+    is_one_camera: bool = False
     person_classes: Collection[str] = PERSON_CLASSES
 
     @property

@@ -56,6 +56,9 @@ LAYOUTS: Mapping[str, Layout] = {
     },
 }
 
+DEPTHS = ("16uc1", "32fc1")
+"""Encodings of distances, as the format of a compressed image names them."""
+
 LENGTHS: Mapping[str, tuple[Model, tuple[int, ...]]] = {
     "": ("plumb_bob", (4, 5)),
     "plumb_bob": ("plumb_bob", (4, 5)),
@@ -85,6 +88,9 @@ def decode_compressed_image(message: Any, log_us: int) -> CompressedImage:
     """raises Unusable for a compressed depth image, which has a header of its own before the PNG"""
     if "compresseddepth" in message.format.lower():
         raise Unusable("a compressed depth image, which has no colours")
+    encoding = message.format.partition(";")[0].strip().lower()
+    if encoding in DEPTHS:
+        raise Unusable(f"an image of {encoding.upper()}, which are distances and no colours")
     if len(message.data) == 0:
         raise Unusable("an image of no bytes")
     return CompressedImage(

@@ -20,6 +20,8 @@ from semap_ingest.sensing.transform import PersonPoses, Transform
 Value = Scan | Cloud | Image | CompressedImage | Camera | Transform | PersonPoses | Boxes
 
 SHORTEST_QUATERNION = 1e-3
+MOST_TURNED_RAD = 1.05 * 2 * math.pi
+"""By the beams of one sweep: a full turn, and what sensors round it to."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,15 @@ def _scan(message: Any, log_us: int) -> Scan:
     header = message.header
     if not (math.isfinite(message.angle_min) and math.isfinite(message.angle_increment)):
         raise Unusable(f"angles from {message.angle_min} in steps of {message.angle_increment}")
+    turned_rad = abs(message.angle_increment) * max(len(message.ranges) - 1, 0)
+    if len(message.ranges) > 1 and not 0 < turned_rad <= MOST_TURNED_RAD:
+        raise Unusable(
+            f"{len(message.ranges)} beams in steps of {message.angle_increment:g} rad do not make one sweep"
+        )
+    if not message.range_max > max(message.range_min, 0.0):
+        raise Unusable(
+            f"ranges from {message.range_min:g} m to {message.range_max:g} m, in which nothing lies"
+        )
     return Scan(
         stamp_us(header.stamp, log_us),
         frame_name(header.frame_id),

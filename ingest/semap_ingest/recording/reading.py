@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
     from semap_ingest.recording.rosbag_file import RosbagFile
+
+LOOKED_AT = 20
+"""So many messages tell whether those of a topic can be used."""
 
 PERSON_CLASSES = ("person", "pedestrian", "human", "people")
 
@@ -99,6 +103,14 @@ class Recording:
         self._tally = Tally()
         return self._play(wanted, self._tally)
 
+    def flaw_of(self, topic: str) -> str:
+        """What is wrong with the first messages of a topic; empty where one of them can be used."""
+        tally = Tally()
+        first = islice(self._play(self._wanted([topic]), tally, LOOKED_AT), 1)
+        used = next(first, None)
+        rows = () if used is not None else tally.rows()
+        return rows[0].example if rows else ""
+
     def _wanted(self, topics: Collection[str] | None) -> list[Connection]:
         readable = [each for each in self._file.connections if each.msgtype in DECODERS]
         if topics is None:
@@ -119,12 +131,13 @@ class Recording:
                 )
         return InvalidInput(f"the recording has no topic /{name}", f"It has: {there}.")
 
-    def _play(self, wanted: list[Connection], tally: Tally) -> Iterator[Received]:
+    def _play(self, wanted: list[Connection], tally: Tally, most: int | None = None) -> Iterator[Received]:
+        """most: look at no more messages"""
         decoders = {
             each.id: (each.topic, partial(_decode, self._file.deserialiser(each), *self._decoder(each)))
             for each in wanted
         }
-        for connection_id, log_ns, raw in self._file.messages(wanted):
+        for connection_id, log_ns, raw in islice(self._file.messages(wanted), most):
             topic, decode = decoders[connection_id]
             try:
                 log_us = logged_us(log_ns)

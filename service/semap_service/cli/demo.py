@@ -165,7 +165,7 @@ def _bring_in(dsn: str, scene: Scene) -> None:
         # nothing is judged before the movement is there, too
         states = read_object_states(scene.doors, ObjectLayout())
         ingest_object_states(dsn, ObjectPlan(scene.name, "doors", keep_open=True), states)
-        typer.echo(f"   {len(states)} states of doors brought in.")
+        typer.echo(f"   {len(states.states)} states of doors brought in.")
 
 
 def _print_sums(reader: psycopg.Connection, first: int) -> None:

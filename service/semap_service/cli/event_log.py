@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +13,9 @@ from semap_service.cli.output import counted
 from semap_service.cli.session import Dsn, database
 from semap_service.cli.stamp import From, To, require_order
 from semap_service.cli.written_file import written
+
+if TYPE_CHECKING:
+    from semap.model.event_log import Entry
 
 MapOption = Annotated[str, typer.Option("--map", help="The map whose events are meant.")]
 Rules = Annotated[
@@ -43,8 +47,8 @@ def export(
     end: To = None,
     rules: Rules = None,
     case: Annotated[
-        str, typer.Option(help="XES: whose life a trace is, that of each instance or of each track.")
-    ] = "instance",
+        str, typer.Option(help="XES: whose life a trace is, that of each track or of each instance.")
+    ] = "track",
     retracted: Annotated[
         bool, typer.Option("--with-retracted", help="Also events that a recomputation took back or amended.")
     ] = False,
@@ -60,9 +64,17 @@ def export(
     if file.suffix not in FORMATS:
         raise InvalidInput("there is no such format", f"The formats are {', '.join(FORMATS)}.", file.name)
     if case not in ("instance", "track"):
-        raise InvalidInput("there is no such case", "The cases are instance and track.", "--case")
+        raise InvalidInput("there is no such case", "The cases are track and instance.", "--case")
     require_order(start, end)
     selection = Selection(map_name, start, end, rules, retracted)
+    seen = 0
+
+    def noted(entries: Iterable[Entry]) -> Iterator[Entry]:
+        nonlocal seen
+        for entry in entries:
+            seen += 1
+            yield entry
+
     with (
         written(file) as draft,
         database(dsn) as opened,
@@ -70,7 +82,7 @@ def export(
     ):
         match file.suffix:
             case ".xes":
-                count = write_xes(log_entries(connection, selection, case), draft, case)  # type: ignore[arg-type]
+                count = write_xes(noted(log_entries(connection, selection, case)), draft, case)  # type: ignore[arg-type]
             case ".csv":
                 count = write_csv(log_entries(connection, selection), draft)
             case ".parquet":
@@ -78,3 +90,8 @@ def export(
             case _:
                 count = write_ocel(log_entries(connection, selection), draft)
     typer.echo(f"{counted(count, 'event')} written to {file}.")
+    if seen > count:
+        typer.echo(
+            f"{counted(seen - count, 'event')} without a {case} left out: a trace is the life of one.",
+            err=True,
+        )

@@ -18,9 +18,19 @@ from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.operations.log_lines import LogFormat, write_log
 
 if TYPE_CHECKING:
+    from semap_ingest.left_out import LeftOut
     from semap_ingest.pipeline.ingest_recording import Ingested
+    from semap_ingest.replay import Replayed
 
 MIRROR_WAIT_S = 10.0
+
+Timezone = Annotated[
+    str | None,
+    typer.Option(help="Zone of ISO stamps that say none: Europe/Berlin, +01:00, UTC.", metavar="ZONE"),
+]
+SkipBad = Annotated[
+    bool, typer.Option("--skip-bad", help="Exit with status 0 though rows that cannot be used were left out.")
+]
 
 
 def commands() -> typer.Typer:
@@ -59,6 +69,7 @@ def tracks(
         str, typer.Option(help="iso, s, ms, us, ns, or the rate of numbered frames such as 25fps.")
     ] = "iso",
     epoch: Annotated[str, typer.Option(help="The time of stamp 0.")] = "1970-01-01T00:00:00Z",
+    timezone: Timezone = None,
     unit: Annotated[
         str, typer.Option(help="Unit of x, y, z and std, variances in its square: m, cm, mm, ft, in.")
     ] = "m",
@@ -78,6 +89,7 @@ def tracks(
     keep_open: Annotated[
         bool, typer.Option("--keep-open", help="Do not end the tracks at their last state.")
     ] = False,
+    skip_bad: SkipBad = False,
     as_json: AsJson = False,
     log_format: LogFormatOption = LogFormat.TEXT,
     log_level: LogLevelOption = None,
@@ -86,6 +98,7 @@ def tracks(
     """Read finished tracks from a file into the database.
 
     Started again after a crash it goes on where it was; a file that is in already is not read twice.
+    Rows that cannot be used are left out and told; then the exit status is 1, unless --skip-bad.
     """
     from semap_ingest.mirror import Follower, count_inside  # noqa: PLC0415
     from semap_ingest.replay import Plan, in_map_frame, replay  # noqa: PLC0415
@@ -113,11 +126,13 @@ def tracks(
         track=track,
         stamp_unit=stamp_unit,
         epoch_us=parse_stamp(epoch),
+        timezone=timezone,
         unit=unit,
     )
     read = read_tracks(file, layout)
     for finding in read.findings:
         typer.echo(f"{finding.action}: {finding.subject} ({finding.reason})", err=True)
+    _tell_left_out(read.left_out)
     plan = Plan(
         map_name=map_name,
         source=source or file.stem,
@@ -145,18 +160,42 @@ def tracks(
                 "resumed_at": done.resumed_at,
                 "late": done.late,
                 "states_inside_a_room": inside,
+                "left_out": read.left_out.count,
             }
         )
-        return
+    else:
+        _print_replayed(done, map_name, inside, len(read))
+    _exit_by(read.left_out, skip_bad)
+
+
+def _print_replayed(done: Replayed, map_name: str, inside: int | None, in_file: int) -> None:
     if done.resumed_at:
         typer.echo(f"{done.resumed_at} states had been written before.")
     typer.echo(f"{done.states} states of {counted(done.tracks, 'track')} written to map {map_name}.")
     if inside is not None:
-        typer.echo(f"{100 * inside / len(read):.1f} % of the file's states lie inside a room.")
+        typer.echo(f"{100 * inside / in_file:.1f} % of the file's states lie inside a room.")
     if done.late:
         typer.echo(f"{done.late} states came late: they corrected what was known of the past.")
     if inside == 0:
         typer.echo("No state lies inside a room: check --unit, --frame and the map.", err=True)
+
+
+def _tell_left_out(left_out: LeftOut) -> None:
+    if left_out.count:
+        typer.echo(f"{counted(left_out.count, 'row')} left out:", err=True)
+        for line in left_out.lines():
+            typer.echo(f"  {line}", err=True)
+
+
+def _exit_by(left_out: LeftOut, skip_bad: bool) -> None:
+    """Status 1 where rows were left out that nobody said may be."""
+    if left_out.count and not skip_bad:
+        typer.echo(
+            "All other rows are in. Mend those and bring them in as a file of their own, with the same"
+            " --source; or say that such rows may be left out: --skip-bad.",
+            err=True,
+        )
+        raise typer.Exit(1)
 
 
 def objects(
@@ -178,6 +217,7 @@ def objects(
         str, typer.Option(help="iso, s, ms, us, ns, or the rate of numbered frames such as 25fps.")
     ] = "iso",
     epoch: Annotated[str, typer.Option(help="The time of stamp 0.")] = "1970-01-01T00:00:00Z",
+    timezone: Timezone = None,
     batch: Annotated[int, typer.Option(help="States per transaction.", min=1)] = 1000,
     keep_open: Annotated[
         bool,
@@ -187,6 +227,7 @@ def objects(
             " same time, which are brought in next.",
         ),
     ] = False,
+    skip_bad: SkipBad = False,
     as_json: AsJson = False,
     log_format: LogFormatOption = LogFormat.TEXT,
     log_level: LogLevelOption = None,
@@ -195,7 +236,8 @@ def objects(
     """Read states of objects, such as doors that open and close, from a file into the database.
 
     A row says that a property of an instance has a value from a stamp on. What is in already is passed over,
-    so that the command may be given again.
+    so that the command may be given again. Rows that cannot be used are left out and told; then the exit
+    status is 1, unless --skip-bad.
     """
     from semap_ingest.object_file import (  # noqa: PLC0415
         ObjectLayout,
@@ -220,17 +262,21 @@ def objects(
         property=property_name,
         stamp_unit=stamp_unit,
         epoch_us=parse_stamp(epoch),
+        timezone=timezone,
     )
-    states = read_object_states(file, layout)
+    read = read_object_states(file, layout)
+    _tell_left_out(read.left_out)
     plan = ObjectPlan(map_name, source or file.stem, batch, keep_open)
     with database(dsn) as opened, progress_bar("states", quiet=as_json) as advance:
-        added = ingest_object_states(opened, plan, states, advance)
+        added = ingest_object_states(opened, plan, read, advance)
+    states = len(read.states)
     if as_json:
-        print_json({"states": len(states), "added": added})
-        return
-    typer.echo(f"{counted(added, 'state')} of objects written to map {map_name}.")
-    if added < len(states):
-        typer.echo(f"{len(states) - added} were there before.")
+        print_json({"states": states, "added": added, "left_out": read.left_out.count})
+    else:
+        typer.echo(f"{counted(added, 'state')} of objects written to map {map_name}.")
+        if added < states:
+            typer.echo(f"{states - added} were there before.")
+    _exit_by(read.left_out, skip_bad)
 
 
 def recording(
@@ -243,6 +289,15 @@ def recording(
             help="Detector of persons in images (ONNX: YOLO v4 to v11, YOLOX, FastestDet, RT-DETR, ...)."
             " Without one, images are not looked at."
         ),
+    ] = None,
+    camera_layout: Annotated[
+        str | None,
+        typer.Option(
+            help="What the detector's outputs are, where the file does not tell: yolov8, yolox, ..."
+        ),
+    ] = None,
+    camera_classes: Annotated[
+        Path | None, typer.Option(help="The detector's classes, one in each line, where the file has none.")
     ] = None,
     topic: Annotated[
         list[str] | None,
@@ -276,7 +331,8 @@ def recording(
 
     Persons become tracks; what doors with a leaf do becomes states of them. Transforms (tf) must lead from
     the sensors to the map's frame. `semap recording info FILE` lists what a recording holds. Started again
-    after a crash it goes on where it was.
+    after a crash it goes on where it was. Where the recording, or one of its sensors, yields nothing, the
+    exit status is 1.
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
     from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
@@ -300,6 +356,8 @@ def recording(
         map_frame=frame,
         floor_z_m=floor_z,
         image_model=camera_model,
+        image_layout=camera_layout,
+        class_names=camera_classes,
         providers=("CUDAExecutionProvider", "CPUExecutionProvider") if cuda else ("CPUExecutionProvider",),
         images_hz=images_hz,
         person_classes=tuple(person_class or PERSON_CLASSES),
@@ -317,6 +375,13 @@ def recording(
     if not done.is_whole:
         typer.echo("Stopped before the end. Give the same command again, and it goes on.", err=True)
         raise typer.Exit(130)
+    if done.fruitless:
+        for each in done.fruitless:
+            typer.echo(f"semap: {file.name}: {each}.", err=True)
+        typer.echo(
+            "  What to do: See above what was left out and why; --topic and --frame may help.", err=True
+        )
+        raise typer.Exit(1)
 
 
 @contextmanager

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from http import HTTPStatus
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -42,6 +43,11 @@ AllowPrivateWebhooks = Annotated[
     bool, typer.Option("--allow-private-webhooks", help="Send to addresses of private networks too.")
 ]
 
+if TYPE_CHECKING:
+    from semap.store.patience import Reminder
+
+log = logging.getLogger(__name__)
+
 CHECK_S = 0.5
 FIRST_CHECK_S = 0.1
 GRACE_S = 2
@@ -62,6 +68,7 @@ def up(
     dsn: Dsn = None,
 ) -> None:
     """Run everything: PostGIS (semap's own, without --dsn), the rule worker and the service."""
+    from semap.store.patience import Reminder  # noqa: PLC0415
     from semap_service.port import require_free  # noqa: PLC0415
     from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
 
@@ -79,7 +86,7 @@ def up(
     with database(dsn) as opened, Supervisor(opened) as supervisor:
         supervisor.start("work", *logged)
         supervisor.start("serve", *served, *logged)
-        is_told = False
+        is_told, reminder = False, Reminder(log, "The database server died and cannot be started")
         while not stop.wait(CHECK_S if is_told else FIRST_CHECK_S):
             supervisor.check()
             if not is_told and answers(host, port):
@@ -90,7 +97,7 @@ def up(
                 typer.echo("  semap ingest tracks TRACKS.csv --map BUILDING")
                 typer.echo("  semap events --follow")
             if dsn is None:
-                revive_server()
+                revive_server(reminder)
         typer.echo("Stopping ...")
 
 
@@ -108,14 +115,18 @@ def answers(host: str, port: int) -> bool:
         asking.close()
 
 
-def revive_server() -> None:
-    """Start semap's own server again where it has died."""
+def revive_server(reminder: Reminder) -> None:
+    """Start semap's own server again where it has died; where it does not start, that is tried again."""
     from semap.cluster import Cluster, default_home, lease  # noqa: PLC0415
+    from semap.errors import ServerUnavailable  # noqa: PLC0415
 
     if not Cluster(default_home()).is_running():
-        typer.echo("The database server died; it is started again.", err=True)
-        with lease(default_home()):
-            pass
+        try:
+            with lease(default_home()):
+                typer.echo("The database server died; it was started again.", err=True)
+                reminder.over()
+        except ServerUnavailable as error:
+            reminder.say(error)
 
 
 def work(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap_service.cli.output import clock, print_json_line, print_rows
+from semap_service.cli.output import clock, counted, print_json_line, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
@@ -41,12 +41,13 @@ def list_all(
 ) -> None:
     """List the tracks that live, with where they are and how much room they take."""
     from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tracks import list_tracks  # noqa: PLC0415
+    from semap.store.tracks import count_ended, list_tracks  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         found = list_tracks(
             connection, map_name=map_name, live=None if every else True, after=after, limit=limit
         )
+        ended = 0 if found or every else count_ended(connection, map_name=map_name, after=after)
     shown = ("stamp", "x_m", "y_m", "z_m", "std_m", "heading_rad", "speed_mps", "length_m", "width_m")
     rows = [
         {
@@ -59,7 +60,8 @@ def list_all(
         }
         for each in found
     ]
-    print_rows(rows, as_json, "No tracks. Bring in movement: semap ingest --help")
+    none_lives = f"No track lives now; {counted(ended, 'track')} ended. To list them: semap track list --all"
+    print_rows(rows, as_json, none_lives if ended else "No tracks. Bring in movement: semap ingest --help")
 
 
 def describe(

@@ -30,6 +30,7 @@ from sqlalchemy import Engine
 from semap.errors import SemapError, ServerUnavailable
 from semap.store.database import connect, translated
 from semap.store.events import StoredEvent, newest_event, read_stretch, take_events, take_newest
+from semap.store.patience import Reminder
 from semap_service.feed.selection import Selection
 from semap_service.routes.event_document import event_json
 from semap_service.transaction import transaction
@@ -137,14 +138,16 @@ class Feed:
     async def run(self) -> None:
         """Follow the database until cancelled; a lost server is awaited."""
         wait_s = FIRST_RETRY_S
+        reminder = Reminder(log, "The feed of events waits for the database")
         ticking = asyncio.create_task(self._tick())
         try:
             while True:
                 try:
                     await self._follow()
                 except SemapError as error:
-                    if self.connected or wait_s == FIRST_RETRY_S:
-                        log.warning("The feed of events waits for the database: %s", error)
+                    if self.connected:
+                        reminder.over()
+                    reminder.say(error)
                 except Exception:
                     log.exception("The feed of events failed; it begins again")
                 wait_s = FIRST_RETRY_S if self.connected else wait_s

@@ -33,6 +33,7 @@ from semap.store.jobs import (
     next_job_id,
     start_job,
 )
+from semap.store.patience import Reminder
 from semap_service.access.caller import SYSTEM, Caller, acting_as
 from semap_service.jobs.failure import died, stopped
 from semap_service.jobs.spool import Spool, Spooled
@@ -194,6 +195,7 @@ class JobRunner:
 
     def _look_after(self) -> None:
         """Keep hold of this service's jobs, mark those as lost that nobody holds, and forget old ones."""
+        reminder = Reminder(log, "Jobs wait for the database")
         while True:
             self._spool.sweep()
             try:
@@ -201,8 +203,9 @@ class JobRunner:
                     self._hold_all()
                 self._try(fail_lost_jobs)
                 self._try(forget_jobs)
+                reminder.over()
             except SemapError as error:
-                log.warning("Jobs wait for the database: %s", error)
+                reminder.say(error)
             except Exception:
                 log.exception("Jobs are not looked after for a while")
             if self._stopping.wait(LOOK_S):

@@ -13,6 +13,7 @@ from sqlalchemy import Engine
 
 from semap.errors import NotFound, SemapError
 from semap.store.live import LiveMap, live_map
+from semap.store.patience import Reminder
 from semap_service.access.caller import SYSTEM, acting_as
 from semap_service.feed.form import text_frame
 from semap_service.feed.outlet import Outlet
@@ -52,17 +53,19 @@ class Watch:
     async def run(self) -> None:
         """Look until the map is gone, or the task is cancelled."""
         unchanged = 0
+        reminder = Reminder(log, f"The live map {self._name} waits for the database")
         while self.closed is None:
             try:
                 live = await _to_the_end(self._look)
             except SemapError as error:
-                log.warning("The live map %s waits for the database: %s", self._name, error)
+                reminder.say(error)
                 await asyncio.sleep(RETRY_S)
                 continue
             except Exception:
                 log.exception("The live map %s failed; it is looked at again", self._name)
                 await asyncio.sleep(RETRY_S)
                 continue
+            reminder.over()
             if live is None:
                 self.closed = NotFound("map", self._name, "List the maps to see their names.")
                 self._wake()

@@ -25,8 +25,11 @@ STATEMENT_S = 2.0
 class WorkerHealth(Document):
     """How far the rule worker is behind the log."""
 
-    running: bool = Field(description="Whether a worker reads the log now.")
+    running: bool = Field(description="Whether a worker reads the log and is at work.")
     lag_bytes: int = Field(description="How much of the log it has not confirmed.")
+    silent_s: float | None = Field(
+        description="Since it last said that it is at work, which it does each five seconds; null: never yet."
+    )
 
 
 class Health(Document):
@@ -53,14 +56,18 @@ class Ready(Document):
 def get_health(request: Request) -> Health:
     """Whether the database answers, and how far the rule worker is."""
     with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
-        schema_version, running, lag_bytes = read_state(connection)
-    worker = None if running is None else WorkerHealth(running=running, lag_bytes=lag_bytes)
+        state = read_state(connection)
+    worker = (
+        None
+        if state.has_reader is None
+        else WorkerHealth(running=state.is_at_work, lag_bytes=state.lag_bytes, silent_s=state.silent_s)
+    )
     connected: bool = request.app.state.feed.connected
-    fine = schema_version == head_version() and connected and worker is not None and worker.running
+    fine = state.version == head_version() and connected and worker is not None and worker.running
     return Health(
         status="ok" if fine else "degraded",
         version=__version__,
-        schema_version=schema_version,
+        schema_version=state.version,
         schema_expected=head_version(),
         feed_connected=connected,
         worker=worker,
@@ -71,7 +78,9 @@ def get_health(request: Request) -> Health:
 def get_ready(request: Request) -> Ready | Response:
     """Whether the service does all of its work; else 503, with what is missing in `errors`.
 
-    The database answers, its schema is this semap's, new events are pushed, and a rule worker makes them.
+    The database answers, its schema is this semap's, new events are pushed, and a rule worker makes them: it
+    reads the log, and has said within half a minute that it is at work. Where it has not, what the database
+    says when it is to write is told, too.
     """
     with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
         missing = lacks(connection, request.app.state.feed.connected)

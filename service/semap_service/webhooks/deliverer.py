@@ -26,6 +26,7 @@ from sqlalchemy import Connection, Engine
 from semap.errors import InvalidInput, SemapError
 from semap.store.database import connect, open_engine, translated
 from semap.store.events import StoredEvent, Stretch, newest_event, read_stretch
+from semap.store.patience import Reminder
 from semap.store.webhook_delivery import (
     Failure,
     Letter,
@@ -116,14 +117,16 @@ class Deliverer:
         """Deliver, or wait for a turn, until cancelled."""
         self._loop = asyncio.get_running_loop()
         wait_s = self.settings.look_s
+        reminder = Reminder(log, "Webhooks wait for the database")
         try:
             while True:
                 try:
                     with acting_as(SYSTEM):
                         await self._take_turn()
                     wait_s = self.settings.look_s
+                    reminder.over()
                 except SemapError as error:
-                    log.warning("Webhooks wait for the database: %s", error)
+                    reminder.say(error)
                     wait_s = min(wait_s * 2, MOST_RETRY_S)
                 except Exception:
                     log.exception("The delivery to webhooks failed; it begins again")

@@ -22,6 +22,24 @@ OVERDUE = """
     order by d.day limit 100
 """
 """What was put off, or nobody does, is told after two days."""
+SHAPELESS = """
+    select s.query_name, array_agg(m.name || '/' || i.name order by m.name, i.name)
+    from semap.query_side s
+    join semap.map m using (map_id)
+    join semap.instance i on i.map_id = s.map_id
+    where s.enabled and s.kind = 'instance' and (s.concept_id is not null or s.uids is not null)
+      and (s.concept_id is null or i.concept_id in (select semap.concepts_below(s.concept_id)))
+      and (s.uids is null or i.uid = any (s.uids))
+      and (s.condition is null or semap.condition_holds(
+             s.condition, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
+      and (s.in_pairs or s.is_object)
+      and not exists (select from semap.region r
+                      where (r.query_id, r.instance_id) = (s.query_id, i.instance_id))
+      and not exists (select from semap.pair_member p
+                      where p.key = -i.instance_id and (p.query_id, p.is_object) = (s.query_id, s.is_object))
+    group by s.query_id, s.query_name, s.is_object order by 1 limit 5
+"""
+"""Who takes part in a query, by its pairs or by its regions, is compared with whom it asks for."""
 
 
 def _shapes(connection: psycopg.Connection) -> Iterator[Trouble]:
@@ -34,16 +52,10 @@ def _shapes(connection: psycopg.Connection) -> Iterator[Trouble]:
             f"rooms whose outline is no valid area: {listed([name for (name,) in bent])}",
             "Draw or import them again; semap map show MAP lists them.",
         )
-    flat = connection.execute(
-        "select distinct m.name || '/' || i.name from semap.continuous_query q"
-        " join semap.map m using (map_id)"
-        " join semap.instance i on i.map_id = q.map_id and i.concept_id = q.object_concept_id"
-        " where q.enabled and not exists (select from semap.region r where r.instance_id = i.instance_id"
-        "                                 and r.query_id = q.query_id) order by 1 limit 100"
-    ).fetchall()
-    if flat:
+    for query, names in connection.execute(SHAPELESS):
         yield warn(
-            f"instances that a query watches and that have no area: {listed([name for (name,) in flat])}",
+            f"instances that the query {query} watches and that have no shape that it could compare:"
+            f" {listed(names)}",
             "Give them a footprint or a mesh: PATCH /instances/{id}, or import them with one.",
         )
 

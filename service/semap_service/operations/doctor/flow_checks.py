@@ -76,14 +76,20 @@ def _sources(connection: psycopg.Connection) -> Iterator[Trouble]:
             f"silent sources, for which rules wait no more: {listed([name for (name,) in idle])}",
             "See that the sensor and its `semap ingest` run.",
         )
-    for name, late, states in connection.execute(
-        "select m.name || '/' || s.name, s.late_states, c.track_states + c.lines from semap.source s"
+    for name, late, states, is_of_lines in connection.execute(
+        "select m.name || '/' || s.name, s.late_states, c.track_states + c.lines, c.track_states = 0"
+        " from semap.source s"
         " join semap.map m using (map_id) join semap.source_count c using (source_id)"
         " where s.late_states > %s * (c.track_states + c.lines) order by s.late_states desc limit 5",
         [LATE_SHARE],
     ):
+        consequence = (
+            "came too late to move a door"
+            if is_of_lines
+            else "came late: they corrected relations, and rules read them late or not at all"
+        )
         yield warn(
-            f"of {states} states of source {name}, {late} came too late to change a relation",
+            f"of {states} states of source {name}, {late} {consequence}",
             "Bring each recording in once, in the order of stamps, each sensor as a source of its own.",
         )
 
