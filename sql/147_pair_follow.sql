@@ -57,41 +57,59 @@ $$;
 comment on function semap.tracks_followed is
   'The tracks of a map that live at the moment up to which its pairs are followed, each where it was then.';
 
+-- The states of these tracks after a moment, up to another one, be they rows or packed.
+create or replace function semap.states_between(p_track_ids bigint[], p_after timestamptz, p_to timestamptz)
+returns setof semap.track_state
+language plpgsql stable rows 1000 set plan_cache_mode = force_generic_plan as $$
+begin
+  if exists (select from semap.track_state_packed where from_stamp > p_after - interval '30 min' and from_stamp <= p_to) then
+    return query
+      select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+             s.std_across_m, s.std_yaw_rad
+      from unnest(p_track_ids) id join semap.stored_state s on s.track_id = id
+      where s.stamp > p_after and s.stamp <= p_to
+        and s.from_stamp > p_after - interval '30 min' and s.from_stamp <= p_to and s.to_stamp > p_after;
+    return;
+  end if;
+  return query
+    select s.* from unnest(p_track_ids) id
+    cross join lateral (
+      select * from semap.track_state t where t.track_id = id and t.stamp > p_after and t.stamp <= p_to offset 0) s;
+end $$;
+comment on function semap.states_between is
+  'The states of these tracks after a moment, up to another one, be they rows or packed.';
+
 -- What the tracks of a map did after a moment, up to another one: states that pass the gate for outliers, and ends.
 create or replace function semap.states_to_follow(p_map_id integer, p_after timestamptz, p_to timestamptz)
 returns semap.arrival[]
 language plpgsql stable set plan_cache_mode = force_generic_plan as $$
 declare
   v_source  semap.source;
+  v_ids     bigint[];
   v_states  semap.arrival[];
   v_some    semap.arrival[];
 begin
-  with moved as materialized (
-    select n as present, m.stamp as from_stamp, st_x(m.place) as x_m, st_y(m.place) as y_m, m.z_min_m as z_m, m.key
-    from semap.track_now n
-    left join lateral (select * from semap.pair_member where key = n.track_id limit 1) m on true
-    where n.map_id = p_map_id and n.stamp > p_after
-  ), stated as (
-    select w.*, s.stamp, s.x_m as to_x_m, s.y_m as to_y_m, s.z_m as to_z_m, s.std_m, s.heading_rad, s.speed_mps,
-           s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad,
-           s.is_last or exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp = s.stamp) as is_last
-    from moved w
-    cross join lateral (
-      select * from semap.stored_state s
-      where s.track_id = (w.present).track_id and s.stamp > p_after and s.stamp <= p_to
-        and s.from_stamp > p_after - interval '30 min' and s.from_stamp <= p_to and s.to_stamp > p_after offset 0) s
-  ), ended as (
-    select w.*, e.stamp, null::double precision as to_x_m, null::double precision as to_y_m, null::double precision as to_z_m
-    from moved w join semap.track_end e on e.track_id = (w.present).track_id and e.stamp > p_after and e.stamp <= p_to
-    where not exists (select from stated s where (s.present).track_id = e.track_id and s.stamp = e.stamp)
+  select array_agg(track_id) into v_ids from semap.track_now where map_id = p_map_id and stamp > p_after;
+  with stated as materialized (
+    select * from semap.states_between(v_ids, p_after, p_to)
+  ), ended as materialized (
+    select * from semap.track_end e where e.track_id = any (v_ids) and e.stamp > p_after and e.stamp <= p_to
+  ), moment as (
+    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+           s.is_last or e.stamp is not null as is_last, s.std_across_m, s.std_yaw_rad
+    from stated s left join ended e using (track_id, stamp)
+    union all
+    select e.track_id, e.stamp, null, null, null, null, null, null, null, null, true, null, null
+    from ended e where not exists (select from stated s where s.track_id = e.track_id and s.stamp = e.stamp)
   )
-  select array_agg(row((present).track_id, stamp, to_x_m, to_y_m, to_z_m, std_m, heading_rad, speed_mps, length_m, width_m, is_last,
-                       (present).source_id, p_map_id, (present).cell_m, key is not null, from_stamp, x_m, y_m, z_m, '{}', null,
-                       std_across_m, std_yaw_rad)::semap.arrival)
+  select array_agg(row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+                       s.is_last, n.source_id, p_map_id, n.cell_m, m.place is not null, m.stamp, st_x(m.place), st_y(m.place),
+                       m.z_min_m, '{}', null, s.std_across_m, s.std_yaw_rad)::semap.arrival)
   into v_states
-  from (select * from stated
-        union all
-        select *, null, null, null, null, null, null, null, true from ended) s;
+  from moment s
+  join semap.track_now n using (track_id)
+  left join lateral (
+    select stamp, place, z_min_m from semap.pair_member where key = s.track_id limit 1) m on true;
 
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
     v_some := array(select a from unnest(v_states) a where a.source_id = v_source.source_id);
