@@ -141,6 +141,17 @@ class World:
             self.query_id,
         )
 
+    def source_of(self, track_id: int) -> int:
+        return self.one("select source_id from semap.track where track_id = %s", track_id)
+
+    def say(self, source_id: int, stamp_us: int) -> None:
+        """A source has given all its states up to here."""
+        self.run(
+            "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
+            to_datetime(stamp_us),
+            source_id,
+        )
+
     def add_samples(self, track_id: int, samples: Sequence[Sample]) -> None:
         """States of one track in one statement, with how exact each is."""
         statement = (
@@ -151,6 +162,8 @@ class World:
             for each in samples:
                 copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
                                 each.std_m, each.is_last, each.std_across_m, each.std_yaw_rad))  # fmt: skip
+        if samples:
+            self.say(self.source_of(track_id), max(each.stamp_us for each in samples))
 
     def add_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""
@@ -158,6 +171,8 @@ class World:
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
+        if states:
+            self.say(self.source_of(states[0][0]), max(stamp_us for _, stamp_us, *_ in states))
 
     def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
         """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""
@@ -175,6 +190,7 @@ class World:
             [float(y_m) for y_m in ys_m],
             None if set(zs_m) == {None} else [None if z_m is None else float(z_m) for z_m in zs_m],
         )
+        self.say(source_id or self.source_id, stamp_us)
 
     def changes(self) -> list[tuple[str, str, str, str, int]]:
         """Track, room, kind, cause and stamp [us] of every change, as they were written."""
