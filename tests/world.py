@@ -166,15 +166,24 @@ class World:
             self.say(self.source_of(track_id), max(each.stamp_us for each in samples))
 
     def add_states(self, states: Sequence[State]) -> None:
+        """States in one statement, after which their source has given all up to the newest of them."""
+        self.copy_states(states)
+        if states:
+            self.say(self.source_of(states[0][0]), max(stamp_us for _, stamp_us, *_ in states))
+
+    def copy_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""
         statement = "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, is_last) from stdin"
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
-        if states:
-            self.say(self.source_of(states[0][0]), max(stamp_us for _, stamp_us, *_ in states))
 
     def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
+        """A frame, after which its source has given all up to it."""
+        self.insert_frame(states, source_id)
+        self.say(source_id or self.source_id, states[0][1])
+
+    def insert_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
         """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""
         (stamp_us,) = {stamp_us for _, stamp_us, *_ in states}
         track_ids, xs_m, ys_m, zs_m = zip(
@@ -190,7 +199,6 @@ class World:
             [float(y_m) for y_m in ys_m],
             None if set(zs_m) == {None} else [None if z_m is None else float(z_m) for z_m in zs_m],
         )
-        self.say(source_id or self.source_id, stamp_us)
 
     def changes(self) -> list[tuple[str, str, str, str, int]]:
         """Track, room, kind, cause and stamp [us] of every change, as they were written."""

@@ -3,8 +3,8 @@
 A source is silent if it has said nothing for a while, although another one of its map has since, be that one
 ended by now or not. Where all say nothing, the last that spoke is not silent: nothing would be gained.
 
-The worker notes in the database that a silent source is idle, and leaves it out once the log brings that note.
-So rules leave it out when the triggers do, and not before.
+The worker notes in the database that a silent source is idle, and leaves it out once the log brings that note:
+rules leave it out when triggers do, and not before.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Heard:
 class Idleness:
     """Mutable: what each source has said last, and since when it says nothing."""
 
-    def __init__(self, heard: Mapping[int, Heard], now_s: float, idle_after_s: float = IDLE_AFTER_S) -> None:
+    def __init__(self, heard: Mapping[int, Heard], now_s: float, idle_after_s: float) -> None:
         """What was heard before now; all get their time anew."""
         self._idle_after_s = idle_after_s
         self._heard = dict(heard)

@@ -17,7 +17,7 @@ from semap.rules.row import Row
 from semap.worker.backfill import begin_rule
 from semap.worker.enrichment import enriched
 from semap.worker.former_state import changes_only
-from semap.worker.idleness import Idleness
+from semap.worker.idleness import IDLE_AFTER_S, Idleness
 from semap.worker.input_row import READERS, integer_of, map_row
 from semap.worker.inputs import (
     deleted_map,
@@ -49,7 +49,7 @@ class Stretch:
         self._events: list[Event] = []
         self._gone_maps: list[int] = []
         self._unseen: deque[int] = deque(maxlen=MOST_UNSEEN)
-        self._idleness = Idleness(progress.heard, now_s)
+        self._idleness = Idleness(progress.heard, now_s, IDLE_AFTER_S)
 
     @property
     def made(self) -> Made:

@@ -2,8 +2,8 @@
 
 A moment is a stamp. In each, rule by rule in the order of the plan: first the rows that stand at it, in their
 order, then the timers that are due at it. An event becomes at once a row for the rules that read it, at the
-moment at which it was known. So what rules find, and in which order, depends on the rows alone, and not on where
-a watermark cuts them.
+moment at which it was known. So what rules find, and in which order, depends on the rows alone, and not on
+where a watermark cuts them.
 """
 
 from __future__ import annotations
