@@ -16,7 +16,7 @@ import numpy as np
 
 from semap.errors import InvalidInput
 from semap.store.database import open_engine, translated
-from semap.store.object_states import NewObjectState, add_object_states, end_source
+from semap.store.object_states import NewObjectState, add_object_states, end_source, hold_back_source
 from semap.timeline.stamp import MICROSECOND, to_datetime
 from semap_ingest.table_file import STAMP_NAMES, Roles, Table, read_stamps, read_table
 
@@ -102,6 +102,9 @@ def ingest_object_states(
     engine = open_engine(dsn, ROLE, application="semap ingest", size=1)
     added = 0
     try:
+        if plan.keep_open:
+            with translated(), engine.begin() as connection:
+                hold_back_source(connection, plan.map_name, plan.source)
         for begin in range(0, len(states), plan.batch_size):
             end = min(begin + plan.batch_size, len(states))
             watermark = None if plan.keep_open else _watermark(states, end)

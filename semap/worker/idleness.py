@@ -3,7 +3,7 @@
 A source is silent if it has said nothing for a while, although another one of its map has since, be that one
 ended by now or not. Where all say nothing, the last that spoke is not silent: nothing would be gained.
 
-The worker notes in the database that a silent source is idle, and leaves it out once the log brings that note:
+The worker notes in the database that a silent source is idle, and leaves it out once the log brings that. So
 rules leave it out when triggers do, and not before.
 """
 
