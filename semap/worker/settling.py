@@ -1,8 +1,8 @@
-"""What came in is settled within seconds: silent sources have given all, and frames become rows of `track_state`.
+"""What came in is settled within seconds: silent sources have given all, and frames become rows of states.
 
 It is done in a thread of the rule worker's process and over a connection of its own, of frames a few thousand
-states in a transaction. A source that says no watermark has given all states of its newest stamp once it has been
-silent for a second (sql/125). Where no worker runs, whoever writes frames makes rows of them once they are a
+states in a transaction. A source that says no watermark has given all states of its newest stamp once it has
+been silent for a second (sql/125). Where no worker runs, whoever writes frames makes rows of those that are a
 minute old (sql/146).
 """
 
