@@ -3,9 +3,10 @@
 A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: one row of
 `track_state_frame`, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
 30,000 ten of 200, each with a connection of its own and its frames a little after those of the one before.
+Frames are whole, so that each says how far its source is; an event waits for the next frames of the others.
+
 The clock starts when the COPY of a frame does, and stops when the client has the text of an event of it. How
-late a COPY began, since the one before was not done, is `late_p99_ms`: the rate is kept where that
-is small.
+late a COPY began, since the one before was not done, is `late_p99_ms`: the rate is kept where that is small.
 
 An event waits for two commits, that of the COPY and that of the worker, so the disk is measured beside it:
 `commit_ms` is what one row takes that the first source commits to a table of its own after each second frame.

@@ -141,6 +141,17 @@ class World:
             self.query_id,
         )
 
+    def source_of(self, track_id: int) -> int:
+        return self.one("select source_id from semap.track where track_id = %s", track_id)
+
+    def say(self, source_id: int, stamp_us: int) -> None:
+        """A source has given all its states up to here."""
+        self.run(
+            "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
+            to_datetime(stamp_us),
+            source_id,
+        )
+
     def add_samples(self, track_id: int, samples: Sequence[Sample]) -> None:
         """States of one track in one statement, with how exact each is."""
         statement = (
@@ -151,25 +162,32 @@ class World:
             for each in samples:
                 copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
                                 each.std_m, each.is_last, each.std_across_m, each.std_yaw_rad))  # fmt: skip
-        self.say_of(track_id)
+        if samples:
+            self.say(self.source_of(track_id), max(each.stamp_us for each in samples))
 
     def add_states(self, states: Sequence[State]) -> None:
+        """States in one statement, after which their source has given all up to the newest of them."""
+        self.copy_states(states)
+        if states:
+            self.say(self.source_of(states[0][0]), max(stamp_us for _, stamp_us, *_ in states))
+
+    def copy_states(self, states: Sequence[State]) -> None:
         """Rows of track id, stamp [us], x, y, z [m] and maybe whether it is the last, in one statement."""
         statement = "copy semap.track_state (track_id, stamp, x_m, y_m, z_m, is_last) from stdin"
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
-        self.say_of(states[0][0])
 
-    def say(self, source_id: int) -> None:
+    def complete(self, source_id: int) -> None:
         """A source that says no watermark has given all states of its newest stamp."""
         self.run("update semap.source set newest_is_whole = true where source_id = %s", source_id)
 
-    def say_of(self, track_id: int) -> None:
-        """So has the source of this track."""
-        self.say(self.one("select source_id from semap.track where track_id = %s", track_id))
-
     def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
+        """A frame, after which its source has given all up to it."""
+        self.insert_frame(states, source_id)
+        self.say(source_id or self.source_id, states[0][1])
+
+    def insert_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
         """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""
         (stamp_us,) = {stamp_us for _, stamp_us, *_ in states}
         track_ids, xs_m, ys_m, zs_m = zip(

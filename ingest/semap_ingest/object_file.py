@@ -19,7 +19,7 @@ from semap.errors import NotFound
 from semap.store.database import open_engine, translated
 from semap.store.maps import map_id_of
 from semap.store.name import require_plain_name
-from semap.store.object_states import NewObjectState, add_object_states, end_source
+from semap.store.object_states import NewObjectState, add_object_states, end_source, hold_back_source
 from semap.timeline.stamp import MICROSECOND, to_datetime
 from semap_ingest.left_out import NOTHING, TOLD, LeftOut
 from semap_ingest.stamp_column import read_stamps
@@ -152,6 +152,8 @@ def ingest_object_states(
     try:
         with translated(), engine.begin() as connection:
             _require_instances(connection, plan.map_name, read)
+            if plan.keep_open:
+                hold_back_source(connection, plan.map_name, plan.source)
         for begin in range(0, len(states), plan.batch_size):
             end = min(begin + plan.batch_size, len(states))
             watermark = None if plan.keep_open else _watermark(states, end)

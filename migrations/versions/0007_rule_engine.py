@@ -130,7 +130,7 @@ RULE = (
         select s.map_id, jsonb_build_object(
           'released_us', min(w.stamp_us),
           'sources', jsonb_object_agg(
-            s.source_id, jsonb_build_object('stamp_us', w.stamp_us, 'lateness_us', 0, 'idle', false))) marks
+            s.source_id, jsonb_build_object('complete_us', w.stamp_us, 'awaited', true))) marks
         from (
           select key::integer as source_id,
                  (extract(epoch from value::timestamptz) * 1000000)::bigint as stamp_us

@@ -113,6 +113,23 @@ def add_object_states(
     return tuple(sorted(added))
 
 
+def hold_back_source(connection: Connection, map_name: str, source_name: str) -> None:
+    """Let rules wait with the states of a source for those of others: it says watermarks, and none yet.
+
+    The source is made where it is missing.
+
+    raises  NotFound if there is no such map
+    """
+    map_id = map_id_of(connection, map_name)
+    with translated():
+        source_id = _source_id(connection, map_id, source_name)
+        connection.execute(
+            update(source)
+            .where(source.c.source_id == source_id, source.c.watermark.is_(None))
+            .values(watermark="-infinity")
+        )
+
+
 def end_source(connection: Connection, map_name: str, source_name: str) -> None:
     """Nothing more is to come of a source for now: rules do not wait for it until its watermark moves.
 

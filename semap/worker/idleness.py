@@ -1,72 +1,76 @@
 """Which sources have fallen silent, by the worker's own clock, which is passed in.
 
-A source is idle if it has not spoken for a while, although another one of its map has spoken since, be that
-one ended by now or not. It then holds nobody up until it speaks again. Where all are silent, the last that
-spoke is not idle: nothing would be gained.
+A source is silent if it has said nothing for a while, although another one of its map has since, be that one
+ended by now or not. Where all say nothing, the last that spoke is not silent: nothing would be gained.
+
+The worker notes in the database that a silent source is idle, and leaves it out once the log brings that. So
+rules leave it out when triggers do, and not before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from semap.worker.inputs import SourceChange
 
 IDLE_AFTER_S = 10.0
 
-Place = tuple[int, int]
-"""Map and source."""
-
 
 @dataclass(frozen=True, slots=True)
-class Spoken:
-    """When a source spoke last: by the server's clock, which tells who spoke after whom, and by ours."""
+class Heard:
+    """What a source has said last.
 
+    at_us  when, by the server's clock, which tells who spoke after whom
+    """
+
+    map_id: int
+    said_us: int
     at_us: int
-    at_s: float
+    is_awaited: bool = True
 
 
 class Idleness:
-    """Mutable: when each source spoke last, and which sources are idle."""
+    """Mutable: what each source has said last, and since when it says nothing."""
 
-    def __init__(self, idle_after_s: float = IDLE_AFTER_S, idle: Iterable[Place] = ()) -> None:
+    def __init__(self, heard: Mapping[int, Heard], now_s: float, idle_after_s: float) -> None:
+        """What was heard before now; all get their time anew."""
         self._idle_after_s = idle_after_s
-        self._maps: dict[int, dict[int, Spoken]] = {}
-        self._idle: set[Place] = set(idle)
+        self._heard = dict(heard)
+        self._since_s = dict.fromkeys(heard, now_s)
 
-    def spoke(self, map_id: int, source_id: int, at_us: int, now_s: float) -> bool:
-        """A source has spoken; whether it was idle."""
-        self._maps.setdefault(map_id, {})[source_id] = Spoken(at_us, now_s)
-        was_idle = (map_id, source_id) in self._idle
-        self._idle.discard((map_id, source_id))
-        return was_idle
+    @property
+    def heard(self) -> Mapping[int, Heard]:
+        """What each source has said last, by its id."""
+        return self._heard
 
-    def known(self, map_id: int, source_id: int, at_us: int, now_s: float) -> None:
-        """A source had spoken before the worker began; if it was idle, it still is."""
-        self._maps.setdefault(map_id, {})[source_id] = Spoken(at_us, now_s)
+    def hear(self, source: SourceChange, at_us: int, now_s: float) -> None:
+        """A source is this now; that it is idle, has ended, or is whole is nothing that it says."""
+        known = self._heard.get(source.source_id)
+        if known is None or known.said_us != source.said_us:
+            known = Heard(source.map_id, source.said_us, at_us)
+            self._since_s[source.source_id] = now_s
+        elif source.is_awaited and not known.is_awaited:
+            self._since_s[source.source_id] = now_s
+        self._heard[source.source_id] = replace(known, is_awaited=source.is_awaited)
 
-    def ended(self, map_id: int, source_id: int) -> None:
-        """Nothing is to be expected of a source, which is no silence; that it spoke counts for the others."""
-        self._idle.add((map_id, source_id))
-
-    def forget(self, map_id: int, source_id: int) -> None:
+    def forget(self, source_id: int) -> None:
         """A source is gone."""
-        self._maps.get(map_id, {}).pop(source_id, None)
-        self._idle.discard((map_id, source_id))
+        self._heard.pop(source_id, None)
 
     def forget_map(self, map_id: int) -> None:
         """A map is gone with its sources."""
-        for source_id in self._maps.pop(map_id, {}):
-            self._idle.discard((map_id, source_id))
+        self._heard = {source_id: each for source_id, each in self._heard.items() if each.map_id != map_id}
 
-    def fallen_silent(self, now_s: float) -> Iterable[Place]:
-        """The sources that are idle from now on."""
-        found = [
-            (map_id, source_id)
-            for map_id, sources in self._maps.items()
-            if len(sources) > 1
-            for source_id, spoken in sources.items()
-            if (map_id, source_id) not in self._idle
-            and now_s - spoken.at_s >= self._idle_after_s
-            and max(other.at_us for other in sources.values()) > spoken.at_us
-        ]
-        self._idle.update(found)
-        return found
+    def silent(self, now_s: float) -> Mapping[int, int]:
+        """The sources that are awaited although they are silent, with what they said last."""
+        newest_us: dict[int, int] = {}
+        for each in self._heard.values():
+            newest_us[each.map_id] = max(each.at_us, newest_us.get(each.map_id, each.at_us))
+        return {
+            source_id: each.said_us
+            for source_id, each in self._heard.items()
+            if each.is_awaited
+            and now_s - self._since_s[source_id] >= self._idle_after_s
+            and newest_us[each.map_id] > each.at_us
+        }

@@ -44,15 +44,16 @@ class RuleChange:
 class SourceChange:
     """A source as it is now.
 
-    watermark_us  NEVER_US where it has given none yet
-    has_ended     nothing more is to come of it for now
+    said_us      its watermark, or else its newest stamp; NEVER_US where it has said neither
+    complete_us  up to where all of its states have come, as `semap.complete_through` says
+    is_awaited   whether more is to be expected of it: it has not ended, and is not idle
     """
 
     map_id: int
     source_id: int
-    watermark_us: int
-    lateness_us: int
-    has_ended: bool = False
+    said_us: int
+    complete_us: int
+    is_awaited: bool
 
 
 def rule_change(change: Change) -> RuleChange | None:
@@ -107,13 +108,21 @@ def source_change(change: Change) -> SourceChange | None:
     """What a change of a table says of a source; raises as `rule_change` does."""
     if change.table != "source" or change.operation not in ("insert", "update"):
         return None
-    watermark = text_of(change.row, "watermark")
+    row = change.row
+    watermark, newest = row["watermark"], row["newest_stamp"]
+    has_ended = text_of(row, "ended") == "t"
+    said_us = _stamp_us(newest if watermark is None else watermark)
+    complete_us = said_us
+    if watermark is None and text_of(row, "newest_is_whole") == "f" and not has_ended:
+        complete_us -= 1
+    if not has_ended:
+        complete_us -= _interval_us(text_of(row, "lateness"))
     return SourceChange(
-        integer_of(change.row, "map_id"),
-        integer_of(change.row, "source_id"),
-        NEVER_US if watermark == "-infinity" else parse_stamp(watermark),
-        _interval_us(text_of(change.row, "lateness")),
-        text_of(change.row, "ended") == "t",
+        integer_of(row, "map_id"),
+        integer_of(row, "source_id"),
+        said_us,
+        max(complete_us, NEVER_US) if said_us > NEVER_US else NEVER_US,
+        not has_ended and text_of(row, "idle") == "f",
     )
 
 
@@ -145,6 +154,10 @@ def _deleted(change: Change, table: str) -> int | None:
     if change.table != table or change.operation != "delete":
         return None
     return integer_of(change.row, f"{table}_id")
+
+
+def _stamp_us(text: str | None) -> int:
+    return NEVER_US if text in (None, "-infinity") else parse_stamp(text)
 
 
 def _interval_us(text: str) -> int:

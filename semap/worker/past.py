@@ -32,7 +32,9 @@ MAP = """
            array(select name from semap.rule r where r.map_id = m.map_id)
     from semap.map m where m.name = %s
 """
-HEARD = "select max(watermark) from semap.source where map_id = %s and isfinite(watermark)"
+HEARD = """
+    select nullif(max(coalesce(watermark, newest_stamp)), '-infinity') from semap.source where map_id = %s
+"""
 
 
 @dataclass(frozen=True)

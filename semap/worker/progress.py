@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import zip_longest
 
 import psycopg
@@ -16,9 +16,11 @@ from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.engine import Changes, Engine
+from semap.rules.engine.sources import NEVER_US
 from semap.store.database import translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.inputs import SourceChange, read_rule
+from semap.worker.idleness import Heard
+from semap.worker.inputs import read_rule
 from semap.worker.map_facts import MapFacts, load_map_facts
 
 WORKER = "rules"
@@ -42,7 +44,7 @@ class Progress:
     committed_at_us  when the last transaction before that place was committed, by the server's clock
     facts_at_us      when the last that edited a map was
     seams            where the past ended that each rule was run over, by its id
-    spoken_at_us     when each source spoke last, by its id, by the server's clock
+    heard            what each source has said last, by its id
     rules_stored     the rules as they were committed last; None where that is not known
     """
 
@@ -52,7 +54,7 @@ class Progress:
     facts: MapFacts = field(default_factory=MapFacts)
     facts_at_us: int = 0
     seams: dict[int, Mapping[str, int]] = field(default_factory=dict)
-    spoken_at_us: dict[int, int] = field(default_factory=dict)
+    heard: Mapping[int, Heard] = field(default_factory=dict)
     rules_stored: Mapping[str, object] | None = None
 
     def rules_json(self) -> dict[str, object]:
@@ -62,20 +64,13 @@ class Progress:
             for rule_id, document in self.engine.rules_json().items()
         }
 
-    def sources(self) -> Iterator[tuple[SourceChange, bool]]:
-        """What each source said last, and whether it is idle."""
-        for map_id, document in self.engine.watermarks_json().items():
-            for source_id, mark in document["sources"].items():  # type: ignore[index]
-                source = SourceChange(int(map_id), int(source_id), mark["stamp_us"], mark["lateness_us"])
-                yield source, mark["idle"]
-
     def watermarks_json(self) -> dict[str, object]:
         return {
             "committed_at_us": self.committed_at_us,
             "given_up": self._given_up_json(),
             "facts_at_us": self.facts_at_us,
             "maps": self.engine.watermarks_json(),
-            "spoken_at_us": self.spoken_at_us,
+            "heard": {source_id: asdict(each) for source_id, each in self.heard.items()},
         }
 
     def _given_up_json(self) -> dict[int, object]:
@@ -95,13 +90,15 @@ class Made:
     gone_maps: Sequence[int] = ()
 
 
-# whoever writes states of a source may hold its row for long, and nobody waits for a remark
+# whoever writes states of a source may hold its row for long, and one that has spoken since is not idle
 NOTE_IDLE = """
-    update semap.source s set idle = n.idle
-    from unnest(%s::integer[], %s::boolean[]) as n (source_id, idle)
-    where s.source_id = n.source_id and s.source_id in (
-      select source_id from semap.source where source_id = any (%s) for no key update skip locked)
-    returning s.source_id
+    update semap.source set idle = true
+    where source_id in (
+      select s.source_id
+      from semap.source s
+      join unnest(%s::integer[], %s::timestamptz[]) as n (source_id, said) using (source_id)
+      where not s.idle and coalesce(s.watermark, s.newest_stamp, '-infinity') = n.said
+      for no key update of s skip locked)
 """
 
 
@@ -140,7 +137,7 @@ def load_progress(connection: psycopg.Connection) -> Progress:
         facts=load_map_facts(connection, to_datetime(facts_at_us)),
         facts_at_us=facts_at_us,
         seams={int(rule_id): document["seam"] for rule_id, document in documents.items() if document["seam"]},
-        spoken_at_us={int(source): at_us for source, at_us in watermarks.get("spoken_at_us", {}).items()},
+        heard={int(source_id): Heard(**each) for source_id, each in watermarks.get("heard", {}).items()},
     )
 
 
@@ -195,13 +192,11 @@ def _parts(items: Iterable[object]) -> Iterator[str]:
         yield f"[{','.join(texts)}]"
 
 
-def note_idle(connection: psycopg.Connection, sources: Mapping[int, bool]) -> list[int]:
-    """Write which sources are idle, for people to see; gives those that could be written now."""
-    if not sources:
-        return []
+def note_idle(connection: psycopg.Connection, silent: Mapping[int, int]) -> None:
+    """Note that sources are idle which said these stamps [us] last; the log brings that back."""
+    said = ["-infinity" if us == NEVER_US else to_datetime(us).isoformat() for us in silent.values()]
     with translated():
-        rows = connection.execute(NOTE_IDLE, [list(sources), list(sources.values()), list(sources)])
-        return [source_id for (source_id,) in rows]
+        connection.execute(NOTE_IDLE, [list(silent), said])
 
 
 def say_alive(connection: psycopg.Connection) -> None:

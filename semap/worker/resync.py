@@ -8,22 +8,17 @@ given to them again.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
 
 import psycopg
 from psycopg.rows import dict_row
 
 from semap.errors import Conflict
-from semap.model.event import Event
 from semap.replication.pgoutput import Change, Transaction, parse_lsn
-from semap.rules.engine.run_over import run_over
-from semap.rules.engine.sources import NEVER_US
-from semap.rules.row import Row
 from semap.store.database import connect, translated
 from semap.timeline.stamp import to_us
 from semap.worker.input_row import READERS, RELATION_COLUMNS
 from semap.worker.map_facts import load_map_facts
-from semap.worker.progress import ROLE, WORKER, Made, Progress, commit_progress, load_progress
+from semap.worker.progress import ROLE, WORKER, Progress, commit_progress, load_progress
 from semap.worker.stretch import Stretch
 
 SINCE = {
@@ -52,8 +47,9 @@ NOW = {
         from semap.rule order by rule_id
     """,
     "source": """
-        select source_id::text, map_id::text, watermark::text, lateness::text,
-               case when ended then 't' else 'f' end as ended
+        select source_id::text, map_id::text, watermark::text, newest_stamp::text, lateness::text,
+               case when newest_is_whole then 't' else 'f' end as newest_is_whole,
+               case when ended then 't' else 'f' end as ended, case when idle then 't' else 'f' end as idle
         from semap.source order by source_id
     """,
 }
@@ -115,7 +111,7 @@ def _catch_up(connection: psycopg.Connection) -> int:
     progress = load_progress(connection)
     progress.facts = load_map_facts(connection)
     known_rules = list(progress.engine.rules)
-    given_again, missed = _rows(connection, progress)
+    missed = _missed_rows(connection, progress)
     rules = _changes(connection, "rule", NOW["rule"])
     there = {int(change.row["rule_id"] or 0) for change in rules}
     gone = [
@@ -124,8 +120,7 @@ def _catch_up(connection: psycopg.Connection) -> int:
     changes = (*gone, *rules, *missed, *_changes(connection, "source", NOW["source"]), *_gone(connection))
     stretch = Stretch(connection, progress, time.monotonic())
     stretch.take(Transaction(parse_lsn(lsn), changes, to_us(now)), time.monotonic())
-    made = Made((*_at_once(progress, given_again), *stretch.made.events), stretch.made.gone_maps)
-    newest = commit_progress(connection, 0, progress, made)
+    newest = commit_progress(connection, 0, progress, stretch.made)
     connection.commit()
     return newest - int(event_seq)
 
@@ -139,29 +134,16 @@ def _gone(connection: psycopg.Connection) -> list[Change]:
     ]
 
 
-def _rows(connection: psycopg.Connection, progress: Progress) -> tuple[list[tuple[int, Row]], list[Change]]:
-    """Rows that rules had taken in order, by map, and those that they may not have."""
-    taken: list[tuple[int, Row]] = []
-    missed: list[Change] = []
-    for table, statement in SINCE.items():
-        for change in _changes(connection, table, statement):
-            map_id = int(change.row["map_id"] or 0)
-            row = READERS[table](change.row, progress.facts)
-            if row is None:
-                continue
-            if change.row["is_new"] == "f" and row.stamp_us <= progress.engine.released_us(map_id):
-                if change.row.get("retracts") is None:
-                    taken.append((map_id, row))
-            else:
-                missed.append(change)
-    return taken, missed
-
-
-def _at_once(progress: Progress, taken: Sequence[tuple[int, Row]]) -> Iterator[Event]:
-    """The events of rules that need no order."""
-    for map_id in {map_id for map_id, _ in taken}:
-        rules = [rule for rule in progress.engine.rules.values() if rule.map_id == map_id]
-        yield from run_over(rules, [row for of_map, row in taken if of_map == map_id], NEVER_US)
+def _missed_rows(connection: psycopg.Connection, progress: Progress) -> list[Change]:
+    """Rows that the rules may not have taken."""
+    return [
+        change
+        for table, statement in SINCE.items()
+        for change in _changes(connection, table, statement)
+        if change.row["is_new"] == "t"
+        or READERS[table](change.row, progress.facts).stamp_us
+        > progress.engine.released_us(int(change.row["map_id"] or 0))
+    ]
 
 
 def _changes(connection: psycopg.Connection, table: str, statement: str) -> list[Change]:

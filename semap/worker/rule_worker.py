@@ -90,8 +90,7 @@ class Reading:
                 if self._commit_due_s is None:
                     self._commit_due_s = time.monotonic() + QUIET_COMMIT_S
                 self._stretch.take(transaction, time.monotonic())
-            if self._stretch.check_idle(time.monotonic()) and self._commit_due_s is None:
-                self._commit_due_s = time.monotonic() + QUIET_COMMIT_S
+            self._note_silence()
             if self._stretch.made != Made() or (self._commit_due_s or float("inf")) <= time.monotonic():
                 self._commit()
                 yield
@@ -111,9 +110,12 @@ class Reading:
         self._stretch.begin()
         self._committed_lsn, self._commit_due_s = lsn, None
         self._stream.acknowledge(lsn)
-        for source_id in note_idle(self._connection, self._stretch.is_idle):
-            del self._stretch.is_idle[source_id]
         self._say_what_was_given_up()
+
+    def _note_silence(self) -> None:
+        silent = self._stretch.silent(time.monotonic())
+        if silent:
+            note_idle(self._connection, silent)
 
     def _say_what_was_given_up(self) -> None:
         engine = self._stretch.progress.engine

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import replace
 
 import psycopg
@@ -17,7 +17,7 @@ from semap.rules.row import Row
 from semap.worker.backfill import begin_rule
 from semap.worker.enrichment import enriched
 from semap.worker.former_state import changes_only
-from semap.worker.idleness import Idleness
+from semap.worker.idleness import IDLE_AFTER_S, Idleness
 from semap.worker.input_row import READERS, integer_of, map_row
 from semap.worker.inputs import (
     deleted_map,
@@ -32,8 +32,6 @@ from semap.worker.map_facts import MapFacts
 from semap.worker.progress import Made, Progress
 from semap.worker.visibility import await_visible
 
-log = logging.getLogger(__name__)
-
 MOST_UNSEEN = 1000
 """Of so many transactions one makes sure that they are seen; each session can have only one that is not."""
 
@@ -43,22 +41,15 @@ class Stretch:
 
     progress  where the stretch ends by now
     made      what it has made
-    is_idle   sources that have fallen silent or spoken again, not yet written down
     """
 
     def __init__(self, connection: psycopg.Connection, progress: Progress, now_s: float) -> None:
         self.progress = progress
-        self.is_idle: dict[int, bool] = {}
         self._connection = connection
         self._events: list[Event] = []
         self._gone_maps: list[int] = []
         self._unseen: deque[int] = deque(maxlen=MOST_UNSEEN)
-        said = list(progress.sources())
-        self._sources = {source.source_id: source for source, _ in said}
-        self._idleness = Idleness(idle=[(each.map_id, each.source_id) for each, is_idle in said if is_idle])
-        for source, _ in said:
-            at_us = progress.spoken_at_us.get(source.source_id, 0)
-            self._idleness.known(source.map_id, source.source_id, at_us, now_s)
+        self._idleness = Idleness(progress.heard, now_s, IDLE_AFTER_S)
 
     @property
     def made(self) -> Made:
@@ -96,22 +87,16 @@ class Stretch:
         except (KeyError, ValueError, InvalidInput) as error:
             raise UntrustedBytes(f"A row of the log is not as expected: {error}") from error
         facts.settle()
+        self.progress.heard = self._idleness.heard
         self.progress.lsn = transaction.end_lsn
         self.progress.committed_at_us = transaction.committed_at_us
         if any(change.table in MAP_TABLES for change in transaction.changes):
             self.progress.facts_at_us = transaction.committed_at_us
         self._release()
 
-    def check_idle(self, now_s: float) -> bool:
-        """Leave out the sources that have fallen silent; whether there are any."""
-        silent = list(self._idleness.fallen_silent(now_s))
-        for map_id, source_id in silent:
-            log.info("Source %d is silent: nobody waits for it until it speaks again.", source_id)
-            self.progress.engine.idle(map_id, source_id)
-            self.is_idle[source_id] = True
-        if silent:
-            self._release()
-        return bool(silent)
+    def silent(self, now_s: float) -> Mapping[int, int]:
+        """The sources that are waited for although they are silent, with what they said last [us]."""
+        return self._idleness.silent(now_s)
 
     def _ended_by_the_map(self, transaction: Transaction) -> dict[int, Row]:
         """Rows that an edit of the map ends, by their place in it: of the map as it was while they held."""
@@ -145,33 +130,22 @@ class Stretch:
             self._events += begin_rule(self._connection, self.progress, found, self._events)
 
     def _take_source(self, change: Change, at_us: int, now_s: float) -> None:
-        gone = self._sources.pop(deleted_source(change) or 0, None)
-        if gone is not None:
-            self._idleness.forget(gone.map_id, gone.source_id)
-            self.progress.spoken_at_us.pop(gone.source_id, None)
-            self.progress.engine.idle(gone.map_id, gone.source_id)
+        gone_id = deleted_source(change)
+        if gone_id is not None:
+            self._idleness.forget(gone_id)
+            self.progress.engine.forget_source(gone_id)
         source = source_change(change)
-        if source is None or self._sources.get(source.source_id) == source:
-            return
-        self._sources[source.source_id] = source
-        self.progress.spoken_at_us[source.source_id] = at_us
-        if self._idleness.spoke(source.map_id, source.source_id, at_us, now_s):
-            self.is_idle[source.source_id] = False
-        self.progress.engine.watermark(
-            source.map_id, source.source_id, source.watermark_us, source.lateness_us
-        )
-        if source.has_ended:
-            self._idleness.ended(source.map_id, source.source_id)
-            self.progress.engine.idle(source.map_id, source.source_id)
+        if source is not None:
+            self._idleness.hear(source, at_us, now_s)
+            self.progress.engine.watermark(
+                source.map_id, source.source_id, source.complete_us, source.is_awaited
+            )
 
     def _take_deleted_map(self, change: Change) -> None:
         map_id = deleted_map(change)
         if map_id is not None:
             self._gone_maps.append(map_id)
             self._events = [event for event in self._events if event.map_id != map_id]
-            for source_id in [key for key, each in self._sources.items() if each.map_id == map_id]:
-                del self._sources[source_id]
-                self.progress.spoken_at_us.pop(source_id, None)
             self._idleness.forget_map(map_id)
             self.progress.engine.delete_map(map_id)
 

@@ -29,13 +29,15 @@ def at(second: float):
 @pytest.fixture
 def scene(world: World) -> Iterator[World]:
     world.add_room("den", ROOM)
+    # tracks are written one after the other here
+    world.run("update semap.source set watermark = '-infinity'")
     with running_worker(world.dsn):
         yield world
 
 
 def walk(world: World, name: str, second: np.ndarray, x_m: np.ndarray, y_m: float = 2.0) -> None:
     track_id = world.add_track(name)
-    world.add_states(
+    world.copy_states(
         [
             (track_id, DAY_US + round(s * SECOND_US), x, y_m, None)
             for s, x in zip(second.tolist(), x_m.tolist(), strict=True)

@@ -71,7 +71,7 @@ class Side:
             to_datetime(stamp_us), ids, *arrays,
         )  # fmt: skip
         if whole:
-            self.world.say(self.sources[source])
+            self.world.complete(self.sources[source])
 
     def known(self) -> dict[str, list[tuple]]:
         return {

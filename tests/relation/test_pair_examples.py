@@ -189,7 +189,7 @@ def test_an_outlier_moves_nobody(town_of) -> None:
     seen(town, "Bob", 1, 0, 0)
     seen(town, "Ann", 1, 1, 0)
     before = told(town)
-    town.world.add_states([(town.tracks["Ann"], 2 * SECOND_US, 300.0, 0.0, None)])
+    town.world.copy_states([(town.tracks["Ann"], 2 * SECOND_US, 300.0, 0.0, None)])
     assert told(town) == before
     seen(town, "Ann", 3, 1, 0.5)
     assert told(town) == before

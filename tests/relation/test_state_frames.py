@@ -16,7 +16,7 @@ from world import SECOND_US, World
 
 from semap.store.database import connect
 from semap.timeline.stamp import to_datetime
-from semap.worker.unfolding import unfolding
+from semap.worker.settling import settling
 
 ADD = """
     insert into semap.track_state_frame
@@ -261,7 +261,7 @@ def test_however_fast_frames_come_they_do_not_pile_up(world: World, tracks: list
 def test_the_worker_makes_rows(world: World, tracks: list[int]) -> None:
     for frame in range(3, 30):
         add(world, frame * FRAME_US, tracks)
-    with unfolding(world.dsn):
+    with settling(world.dsn):
         await_frames(world, 1)
     assert frames(world) == 1, "the newest one is where everybody is"
     assert world.one("select count(*) from semap.track_state") == 3 * 28
@@ -270,7 +270,7 @@ def test_the_worker_makes_rows(world: World, tracks: list[int]) -> None:
 
 def test_the_last_frame_of_a_source_that_is_silent_becomes_rows(world: World, tracks: list[int]) -> None:
     world.run("update semap.source_count set received_at = received_at - interval '11 s'")
-    with unfolding(world.dsn):
+    with settling(world.dsn):
         await_frames(world, 0)
     assert world.one("select count(*) from semap.track_state") == 6
 
@@ -284,7 +284,7 @@ def test_what_cannot_become_rows_keeps_no_other_source_from_it(world: World, tra
     # as nobody can by the triggers
     world.run("insert into semap.track_state_default (track_id, stamp, x_m, y_m) values (%s, %s, 1, 1)",
               tracks[0], to_datetime(3 * FRAME_US))  # fmt: skip
-    with unfolding(world.dsn):
+    with settling(world.dsn):
         await_frames(world, 1, other)
     assert frames(world) == 4 + 1
     add(world, 100 * SECOND_US, tracks)
@@ -349,7 +349,7 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
                                    [shapely.to_wkb(shapely.box(0, 0, 3 + turn % 2, 4), hex=True)])  # fmt: skip
                 time.sleep(0.02)
 
-    with unfolding(world.dsn), ThreadPoolExecutor() as pool:
+    with settling(world.dsn), ThreadPoolExecutor() as pool:
         for done in [*(pool.submit(write, number) for number in range(4)), pool.submit(edit)]:
             done.result(120)
     assert stored(world) == 4 * 5 * 149 + 7

@@ -7,6 +7,7 @@ from dataclasses import replace
 from uuid import UUID, uuid5
 
 import pytest
+from engine_store import EngineStore
 from scene import (
     ALL,
     BOTH_STAYED,
@@ -35,7 +36,15 @@ from semap.rules.engine.event_identity import EVENT_NAMESPACE
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
 from semap.rules.matching import pattern_program as matching
+from semap.rules.row import RANKS, Row
 from semap.timeline.stamp import to_datetime
+
+LEFT_THEN = {"name": "then", "input": {"rule": "visits"}, "emit": {"left": "gone"}}
+BUILT = {"name": "built", "input": {"map": True}, "emit": {"added": "built"}}
+BUILT_THEN_ENTERED = {
+    "name": "built_then_entered", "input": [{"map": True}, "track_in_room"], "pattern": "B followed by E",
+    "define": {"B": "input = 'map'", "E": "type = 'began'"}, "emit": "entered_what_was_built",
+}  # fmt: skip
 
 
 def engine_of(*documents: dict) -> Engine:
@@ -54,7 +63,7 @@ def arrive(engine: Engine, *rows) -> list[Event]:
 
 
 def release(engine: Engine, at_s: float, source_id: int = 1, lateness_s: float = 0) -> list[Event]:
-    engine.watermark(MAP, source_id, round(at_s * S), round(lateness_s * S))
+    engine.watermark(MAP, source_id, round((at_s - lateness_s) * S))
     return engine.release()
 
 
@@ -62,10 +71,11 @@ def told(events: Iterable[Event]) -> list[tuple[str, float]]:
     return [(event.type, (event.stamp - at(0)).total_seconds()) for event in events]
 
 
-def test_one_declaration_gives_both_edges_at_once_with_their_evidence() -> None:
+def test_one_declaration_gives_both_edges_with_their_evidence() -> None:
     engine = engine_of(VISITS)
     began, ended = visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "ended", 5, since_s=1)
-    (entered,), (left,) = arrive(engine, began), arrive(engine, ended)
+    assert arrive(engine, ended, began) == []
+    entered, left = release(engine, 5)
     assert left == Event(
         event_id=left.event_id, map_id=MAP, rule_name="visits", rule_version=1, type="left",
         stamp=at(5), since=at(1), cause="moved", track_id=31, track_name="ann", instance_id=11,
@@ -77,15 +87,15 @@ def test_one_declaration_gives_both_edges_at_once_with_their_evidence() -> None:
 
 def test_ids_follow_from_rule_version_type_and_evidence() -> None:
     row = visit("ann", "kitchen", "began", 1)
-    (event,) = run_over([rule(3, VISITS)], [row], 0)
+    (event,) = run_over([rule(3, VISITS)], [row], 1 * S)
     assert event.event_id == uuid5(EVENT_NAMESPACE, f"visits|1|entered|{row.uid}")
-    (same,) = run_over([rule(77, VISITS)], [replace(row, values={**row.values, "track_id": 99})], 0)
+    (same,) = run_over([rule(77, VISITS)], [replace(row, values={**row.values, "track_id": 99})], 1 * S)
     assert same.event_id == event.event_id
     others = [
-        run_over([rule(3, VISITS, version=2)], [row], 0),
-        run_over([rule(3, VISITS | {"name": "other"})], [row], 0),
-        run_over([rule(3, VISITS | {"emit": {"began": "came"}})], [row], 0),
-        run_over([rule(3, VISITS)], [replace(row, uid=str(UUID(int=9)))], 0),
+        run_over([rule(3, VISITS, version=2)], [row], 1 * S),
+        run_over([rule(3, VISITS | {"name": "other"})], [row], 1 * S),
+        run_over([rule(3, VISITS | {"emit": {"began": "came"}})], [row], 1 * S),
+        run_over([rule(3, VISITS)], [replace(row, uid=str(UUID(int=9)))], 1 * S),
     ]
     assert len({event.event_id, *(other.event_id for (other,) in others)}) == 5
 
@@ -180,13 +190,23 @@ def test_the_slowest_source_holds_the_watermark_until_it_is_idle() -> None:
     engine.watermark(MAP, 2, 0)
     arrive(engine, visit("ann", "kitchen", "began", 1))
     assert release(engine, 100) == []
-    engine.idle(MAP, 2)
+    engine.watermark(MAP, 2, 0, is_awaited=False)
     assert told(engine.release()) == [("stayed", 4.0)]
     arrive(engine, visit("bob", "kitchen", "began", 101))
     engine.watermark(MAP, 2, 50 * S)
     assert release(engine, 200) == []
     engine.watermark(MAP, 2, 150 * S)
     assert told(engine.release()) == [("stayed", 104.0)]
+
+
+def test_where_no_source_is_awaited_all_that_they_gave_is_taken() -> None:
+    engine = engine_of(STAYED)
+    arrive(engine, visit("ann", "kitchen", "began", 1), visit("bob", "kitchen", "began", 7))
+    engine.watermark(MAP, 1, 5 * S, is_awaited=False)
+    assert told(engine.release()) == [("stayed", 4.0)]
+    engine.watermark(MAP, 2, 12 * S)
+    engine.forget_source(2)
+    assert told(engine.release()) == [("stayed", 10.0)]
 
 
 def test_what_comes_within_the_lateness_is_taken_and_what_comes_later_is_given_out() -> None:
@@ -203,29 +223,59 @@ def test_what_comes_within_the_lateness_is_taken_and_what_comes_later_is_given_o
 def test_what_needs_no_order_is_never_late() -> None:
     engine = engine_of(VISITS)
     release(engine, 10)
-    assert told(arrive(engine, visit("ann", "kitchen", "began", 5))) == [("entered", 5.0)]
+    late = visit("ann", "kitchen", "began", 5)
+    assert told(arrive(engine, late)) == [("entered", 5.0)]
     assert engine.changes().late == []
+    engine.change_rule(2, rule(2, STAYED))
+    assert told(arrive(engine, late)) == [("entered", 5.0)]
+    assert [each.row for each in engine.changes().late] == [late]
 
 
-def test_an_edit_of_the_map_is_never_late() -> None:
-    engine = engine_of(STAYED)
+def test_what_an_edit_of_the_map_did_is_taken_where_the_map_is_and_waits_for_no_source() -> None:
+    """Also by a rule that reads what another one makes of it, and after a restart."""
+    engine, store = engine_of(VISITS, STAYED, LEFT_THEN), EngineStore()
     arrive(engine, visit("ann", "kitchen", "began", 5))
     release(engine, 6)
     arrive(engine, visit("ann", "kitchen", "ended", 5.5, cause="map"))
-    assert release(engine, 100) == []
-    assert engine.changes().late == []
+    store.take(engine)
+    engine = store.restored()
+    assert told(engine.release()) == [("left", 5.5), ("gone", 5.5)]
+    assert engine.release() == []
+    assert engine.released_us(MAP) == 6 * S
+    store.take(engine)
+    assert (store.pending, store.late) == ({}, [])
+    arrive(engine, visit("bob", "kitchen", "began", 6.000001))
+    assert told(release(engine, 100)) == [("entered", 6.000001), ("stayed", 9.000001)]
+
+
+def test_an_edit_that_is_ahead_of_the_map_waits_as_its_track_does() -> None:
+    engine = engine_of(VISITS)
+    arrive(engine, visit("ann", "kitchen", "began", 5), visit("ann", "kitchen", "ended", 5.5, cause="map"))
+    assert told(release(engine, 5.2)) == [("entered", 5.0)]
+    assert told(release(engine, 5.5)) == [("left", 5.5)]
+
+
+def test_a_change_of_the_map_waits_for_nobody_but_in_a_pattern() -> None:
+    engine = engine_of(BUILT, BUILT_THEN_ENTERED)
+    values = {"input": "map", "type": "added", "stamp": 50 * S}
+    built = Row(50 * S, RANKS["map"], str(UUID(int=1)), "map", values)
+    assert told(arrive(engine, built)) == [("built", 50.0)]
+    arrive(engine, visit("ann", "kitchen", "began", 40), visit("bob", "kitchen", "began", 51))
+    assert told(release(engine, 60)) == [("entered_what_was_built", 51.0)]
 
 
 def test_a_rule_is_in_force_from_its_place_on() -> None:
     engine = engine_of(VISITS)
     began, ended = visit("ann", "kitchen", "began", 1), visit("ann", "kitchen", "ended", 2)
-    events = arrive(engine, began)
+    arrive(engine, began)
+    events = release(engine, 1)
     engine.change_rule(1, rule(1, VISITS | {"emit": {"ended": "left"}}, version=2))
-    events += arrive(engine, began, ended)
+    arrive(engine, ended)
+    events += release(engine, 2)
     engine.change_rule(1, rule(1, VISITS, version=2, enabled=False))
     events += arrive(engine, began, ended)
     engine.change_rule(1, None)
-    events += arrive(engine, began, ended)
+    events += arrive(engine, began, ended) + release(engine, 9)
     assert [(event.type, event.rule_version) for event in events] == [("entered", 1), ("left", 2)]
 
 

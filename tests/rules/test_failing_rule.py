@@ -96,4 +96,6 @@ def test_a_state_that_cannot_be_read_ends_its_rule_only() -> None:
     engine = Engine.restore([rule(1, PAIRS), rule(2, VISITS)], {}, states, [])
     assert set(engine.rules) == {2}
     assert engine.changes().states == {(1, "[null]"): None}
-    assert [event.type for event in engine.arrive(MAP, ROWS[0])] == ["entered"]
+    engine.arrive(MAP, ROWS[0])
+    engine.watermark(MAP, 1, 1 * S)
+    assert [event.type for event in engine.release()] == ["entered"]

@@ -29,7 +29,7 @@ from busy_building import (
 from semap_service.operations.doctor.verification import verify
 from world import World
 
-from semap.worker.unfolding import unfolding
+from semap.worker.settling import settling
 
 SECONDS = float(os.environ.get("SEMAP_SOAK_S", "20"))
 WORKS: list[tuple[str, Any]] = [("w1", write), ("w2", write), ("w3", write), ("w4", write_frames),
@@ -63,7 +63,7 @@ def test_writers_an_editor_and_readers_for_long(world: World, queries: tuple[str
         process.start()
     gate.wait(120)
     started_s, looked, framed = time.time(), 0, 0
-    with unfolding(world.dsn):
+    with settling(world.dsn):
         while time.time() < started_s + SECONDS:
             assert differing(world.dsn) == [], f"while they worked, after {time.time() - started_s:.0f} s"
             looked += 1

@@ -54,7 +54,7 @@ def test_rules_events_and_progress_go_on(empty_database: str) -> None:
         assert rows("select semap.rule_json(r) from semap.rule r") == [(rule,)]
         assert rows("select rule_state from semap.progress") == [({"1": rule},)]
         stamp_us = 1_769_860_809_500_000
-        mark = {"stamp_us": stamp_us, "lateness_us": 0, "idle": False}
+        mark = {"complete_us": stamp_us, "awaited": True}
         assert rows("select watermarks from semap.progress") == [
             ({"maps": {"1": {"released_us": stamp_us, "sources": {"1": mark}}}},)
         ]

@@ -116,7 +116,7 @@ def test_watermarks_are_kept_with_the_progress(world: World) -> None:
     assert world.one("select watermarks -> 'maps' from semap.progress") == {
         str(world.map_id): {
             "released_us": 50 * SECOND_US,
-            "sources": {str(world.source_id): {"stamp_us": 50 * SECOND_US, "lateness_us": 0, "idle": False}},
+            "sources": {str(world.source_id): {"complete_us": 50 * SECOND_US, "awaited": True}},
         }
     }
 

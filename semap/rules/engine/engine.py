@@ -2,15 +2,17 @@
 
 Rows arrive in the order of the log and wait, by map, until the watermark has passed them (`sources`); then
 the rules take them in the order of event time (`flow`), each with a state for each of its keys (`rule_run`)
-that a compiled program steps (`program`). Only rules that make an event of each row as it is need no order,
-and make it as the row arrives.
+that a compiled program steps (`program`).
 
 The engine promises:
 
-- the same rows give the same events with the same ids, in whatever order they arrive within the lateness of
-  their sources, wherever watermarks cut them, and wherever the engine is stored and restored in between;
-- a row that comes later than that is not taken, but given out as late;
+- the same rows give the same events with the same ids in the same order, in whatever order they arrive within
+  the lateness of their sources, wherever watermarks cut them, and wherever the engine is stored and restored;
+- a row that comes later is given out as late; rules that make an event of each row by itself take it all the
+  same, as it comes;
 - a row that is taken back while it waits has never been; later, that it was taken back is given out as late;
+- what an edit did where event time has passed is taken at once, as if it were done where the map is; since no
+  source says up to when a map was edited, rules that make an event of each of its changes wait for none;
 - an unforeseen error in a rule puts that rule out of force, logged by its name, and the others go on.
 
 `changes` says what is to be stored so that `restore` gives an engine that goes on in the same way. Nothing is
@@ -35,7 +37,7 @@ from semap.rules.row_json import RowJson, dump_row, load_row
 
 @dataclass(frozen=True)
 class Due:
-    """Rows of a map that its watermark now lets through, in order."""
+    """Rows of a map that may be taken now, in order, and up to where its watermark has come."""
 
     map_id: int
     until_us: int
@@ -120,15 +122,12 @@ class Engine:
         """By rule, what its version gave up because too much was under way in a key."""
         return {rule_id: each for on_map in self._maps.values() for rule_id, each in on_map.given_up.items()}
 
-    def arrive(self, map_id: int, row: Row, late_ok: bool = False) -> list[Event]:
-        """Take a row off the log; gives the events of rules that need no order.
-
-        late_ok  the row stands where the map is, if it is late, as changes by the map always do
-        """
+    def arrive(self, map_id: int, row: Row) -> list[Event]:
+        """Take a row off the log; gives the events that it makes although it is too late, or of the map."""
         on_map = self._maps.get(map_id)
         if on_map is None:
             return []
-        events = on_map.arrive(row, late_ok)
+        events = on_map.arrive(row)
         if on_map.failed:
             self._forget_failed(on_map)
         return events
@@ -143,22 +142,19 @@ class Engine:
         if on_map is not None:
             on_map.retract(uid, row)
 
-    def watermark(self, map_id: int, source_id: int, stamp_us: int, lateness_us: int = 0) -> None:
-        """A source has given all its rows up to here, but for those late by less than its lateness."""
-        self._on(map_id).sources.watermark(source_id, stamp_us, lateness_us)
+    def watermark(self, map_id: int, source_id: int, complete_us: int, is_awaited: bool = True) -> None:
+        """All rows of a source up to here have come; where it is not awaited, no more are to be expected."""
+        self._on(map_id).sources.watermark(source_id, complete_us, is_awaited)
 
-    def idle(self, map_id: int, source_id: int) -> None:
-        """Nothing is to be expected of a source until its next watermark."""
-        self._on(map_id).sources.idle(source_id)
+    def forget_source(self, source_id: int) -> None:
+        """A source is gone, and nothing is to be expected of it."""
+        for on_map in self._maps.values():
+            on_map.sources.leave_out(source_id)
 
     def due(self) -> list[Due]:
-        """What the watermarks now let through; to be given to `take` before any row arrives."""
-        found = []
-        for map_id, on_map in self._maps.items():
-            until_us = on_map.sources.watermark_us()
-            if until_us > on_map.sources.released_us:
-                found.append(Due(map_id, until_us, on_map.waiting.until(until_us)))
-        return found
+        """What may be taken now; to be given to `take` before any row arrives."""
+        found = ((map_id, on_map.due()) for map_id, on_map in self._maps.items())
+        return [Due(map_id, *due) for map_id, due in found if due is not None]
 
     def take(self, dues: Iterable[Due]) -> list[Event]:
         """Take the rows that were due, with what was looked up for them, and what time brings with them."""
@@ -236,7 +232,7 @@ class Engine:
                 engine._on(engine._rules[rule_id].map_id).note_given_up(rule_id, each)
         for on_map in engine._maps.values():
             engine._forget_failed(on_map)
-            on_map.set_timers()
+            on_map.wake()
         return engine
 
     def _forget_failed(self, on_map: MapEngine) -> None:

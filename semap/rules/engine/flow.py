@@ -1,23 +1,26 @@
 """Released rows and timers of one map, given to its rules in the order of event time.
 
 A moment is a stamp. In each, rule by rule in the order of the plan: first the rows that stand at it, in their
-order, then the timers that are due at it, by key. An event becomes at once a row for the rules that read it,
-standing at the moment at which it was known. So what rules find depends on the rows alone, and not on where a
-watermark cuts them.
+order, then the timers that are due at it. An event becomes at once a row for the rules that read it, at the
+moment at which it was known. So what rules find, and in which order, depends on the rows alone, and not on
+where a watermark cuts them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from heapq import heappop
+from operator import attrgetter
 
 from semap.model.event import Event
-from semap.rules.engine.partition import Key, key_text
+from semap.rules.engine.partition import Key
 from semap.rules.engine.plan import plan_of
 from semap.rules.engine.rule_run import Found, RuleRun, Timers
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.engine.waiting import order_of
 from semap.rules.row import Row
+
+stamp_and_id = attrgetter("stamp", "event_id")
 
 
 class Flow:
@@ -34,7 +37,10 @@ class Flow:
         self.failed: list[tuple[RuleRun, Exception]] = []
 
     def take(self, rows: Iterable[Row], until_us: int) -> list[Event]:
-        """Take these rows, which are in order, and all that time brings up to `until_us`."""
+        """Take these rows, which are in order, and all that time brings up to `until_us`.
+
+        Rows that stand after it are taken as well, but no time passes for them.
+        """
         timers, queues, in_order = self.timers.heap, self._queues, self.plan.in_order
         in_moment = {source: found for source, found in self.plan.in_moment.items() if found}
         moment_us = NEVER_US
@@ -77,21 +83,22 @@ class Flow:
     def _end_moments(self, moment_us: int, until_us: int) -> None:
         """End the moment that has rows, then all in which timers are due, up to `until_us`."""
         if self._queues:
-            self._end_moment(moment_us)
+            self._end_moment(moment_us, until_us)
         heap = self.timers.heap
         while heap and heap[0][0] <= until_us:
             timer_us, _, run, key = heap[0]
             if run.is_due(key, timer_us, timer_us):
-                self._end_moment(timer_us)
+                self._end_moment(max(timer_us, moment_us), until_us)
             else:
                 heappop(heap)
 
-    def _end_moment(self, moment_us: int) -> None:
+    def _end_moment(self, moment_us: int, until_us: int) -> None:
+        timers_us = min(moment_us, until_us)
         heap, queues = self.timers.heap, self._queues
         runs = self.plan.runs
         due: dict[int, list[tuple[Key, int]]] = {}
         while True:
-            while heap and heap[0][0] <= moment_us:
+            while heap and heap[0][0] <= timers_us:
                 timer_us, _, run, key = heappop(heap)
                 is_at_work = run.place < len(runs) and runs[run.place] is run
                 # most timers have been overtaken, and ordering them by key costs more than looking
@@ -105,9 +112,10 @@ class Flow:
             try:
                 for row in sorted(queues.pop(place, ()), key=order_of):
                     self._make(run, run.take(row), moment_us)
-                if len(timers) > 1:
-                    timers.sort(key=lambda timer: key_text(timer[0]))
+                made = len(self._events)
                 for key, timer_us in timers:
                     self._make(run, run.fire(key, timer_us, moment_us), moment_us)
+                # timers come off the heap in the order in which they were set
+                self._events[made:] = sorted(self._events[made:], key=stamp_and_id)
             except Exception as error:
                 self._fail(run, error)

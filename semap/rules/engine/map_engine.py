@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.flow import Flow
-from semap.rules.engine.needs import is_at_once
 from semap.rules.engine.plan import Plan, plan_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_run import RuleRun, Timers
@@ -39,7 +38,7 @@ class Late:
 class MapEngine:
     """Mutable.
 
-    late     rows that came too late, since `forget_late`
+    late     rows that came too late for some rule, since they were last asked for
     dropped  what states of rules that are no longer at work were stored under: (rule_id, key)
     failed   rules that an unforeseen error has put out of force, since they were last asked for
     """
@@ -52,10 +51,11 @@ class MapEngine:
         self.dropped: set[tuple[int, str]] = set()
         self.failed: set[int] = set()
         self._flow = Flow()
-        self._waits = self._flow.plan.waiting()
+        self._waits, self._ordered = self._flow.plan.waiting(), self._flow.plan.ordered()
         self._rules: dict[int, Rule] = {}
         self._runs: dict[int, RuleRun] = {}
         self._given_up: dict[int, GivenUp] = {}
+        self._may_have_edits = False
 
     @property
     def plan(self) -> Plan:
@@ -91,7 +91,7 @@ class MapEngine:
         self._flow.plan = plan_of(rules.values(), runs)
         if rule_id in self._runs:
             self.dropped.update((rule_id, text) for text in self._runs[rule_id].stored())
-        self._waits = self._flow.plan.waiting()
+        self._waits, self._ordered = self._flow.plan.waiting(), self._flow.plan.ordered()
         known = self._rules.get(rule_id)
         given_up = self.given_up.get(rule_id) if rule and known and known.version == rule.version else None
         self._rules, self._runs = rules, runs
@@ -108,34 +108,34 @@ class MapEngine:
         else:
             run.given_up = given_up if run.given_up is None else run.given_up + given_up
 
-    def arrive(self, row: Row, late_ok: bool = False) -> list[Event]:
-        """Take a row off the log; gives the events of rules that need no order."""
-        name = row.values["input"]
-        is_late = row.stamp_us <= self.sources.released_us
-        if is_late and (late_ok or row.source == "map" or row.values.get("cause") == "map"):
-            row = replace(row, stamp_us=self.sources.released_us + 1)
-            is_late = False
-        if name in self._waits[row.source]:
-            if is_late:
-                self.late.append(Late(self.map_id, row, self.sources.released_us))
-            else:
-                self.waiting.add(row)
-        if row.source == "object_state" and row.values.get("previous") == row.values["type"]:
-            return []
-        runs = self._flow.plan.at_once[row.source].get(name)  # type: ignore[call-overload]
-        return self._at_once(runs, row) if runs else []
+    def arrive(self, row: Row) -> list[Event]:
+        """Take a row off the log; gives the events that it makes although it cannot stand in the order.
+
+        One by an edit of the map stands where the map is, if that has passed it.
+        """
+        released_us = self.sources.released_us
+        name, source = row.values["input"], row.source
+        is_late = row.stamp_us <= released_us
+        if is_late and _is_edit(row):
+            row = replace(row, stamp_us=released_us + 1)
+            is_late, self._may_have_edits = False, True
+        if is_late and name in self._ordered[source]:
+            self.late.append(Late(self.map_id, row, released_us))
+        if not is_late and name in self._waits[source]:
+            self.waiting.add(row)
+        return self._take_as_it_comes(row) if is_late or source == "map" else []
 
     def retract(self, uid: str, row: Row) -> None:
         """A row that has come was none: it waits no more. Where rules took it, `row` says so, and is late."""
-        name = row.values["input"]
-        has_waited = self.waiting.take_back(uid)
-        is_taken = name in self._waits[row.source] and not has_waited
-        if is_taken or self._flow.plan.at_once[row.source].get(name):  # type: ignore[call-overload]
+        if not self.waiting.take_back(uid) and row.values["input"] in self._waits[row.source]:
             self.late.append(Late(self.map_id, row, self.sources.released_us))
 
-    def _at_once(self, runs: Iterable[RuleRun], row: Row) -> list[Event]:
+    def _take_as_it_comes(self, row: Row) -> list[Event]:
+        """Give a row to the rules that need no order."""
+        if row.source == "object_state" and row.values.get("previous") == row.values["type"]:
+            return []
         events = []
-        for run in runs:
+        for run in self._flow.plan.as_come[row.source].get(row.values["input"], ()):  # type: ignore[call-overload]
             try:
                 made = [(run.maker.event(key, match), match) for key, match in run.take(row)]
             except Exception as error:  # whatever it is, it is this rule's alone
@@ -147,13 +147,28 @@ class MapEngine:
                     events += self.arrive(run.maker.row(event, match, row.stamp_us))
         return events
 
+    def due(self) -> tuple[int, Sequence[Row]] | None:
+        """Up to where rows may be taken now, and those, in order: of an edit of the map at once."""
+        released_us, until_us = self.sources.released_us, self.sources.watermark_us()
+        if until_us > released_us:
+            return until_us, self.waiting.until(until_us)
+        if not self._may_have_edits:
+            return None
+        edits = [row for row in self.waiting.until(released_us + 1) if _is_edit(row)]
+        self._may_have_edits = bool(edits)
+        return (released_us, edits) if edits else None
+
     def take(self, rows: Iterable[Row], until_us: int) -> list[Event]:
-        """Take these waiting rows, which are in order, and all that time brings up to `until_us`."""
-        events = self._flow.take(rows, until_us)
+        """Take these rows, which were due and are in order, and all that time brings up to `until_us`."""
+        taken = list(rows)
+        events = self._flow.take(taken, until_us)
         for run, error in self._flow.failed:
             self.fail(run, error)
         self._flow.failed.clear()
         self.waiting.remove_until(until_us)
+        for row in taken:
+            if row.stamp_us > until_us:
+                self.waiting.take_back(row.uid)
         self.sources.released_us = until_us
         return events
 
@@ -173,18 +188,6 @@ class MapEngine:
         alone = Flow()
         alone.plan = plan_of(self._rules.values(), {rule_id: run})
         ordered = sorted(rows, key=order_of)
-        if is_at_once(run.rule.declaration):
-            readers = alone.plan.at_once
-            try:
-                return [
-                    run.maker.event(key, match)
-                    for row in ordered
-                    if row.values["input"] in readers[row.source]
-                    for key, match in run.take(row)
-                ]
-            except Exception as error:
-                self.fail(run, error)
-                return []
         released_us = self.sources.released_us
         alone.timers = Timers()
         run.move_to(alone.timers)
@@ -211,7 +214,13 @@ class MapEngine:
             self.dropped.add((rule_id, text))
             self.fail(self._runs[rule_id], error)
 
-    def set_timers(self) -> None:
-        """Once all states are loaded."""
+    def wake(self) -> None:
+        """Once all states and rows are loaded."""
+        self._may_have_edits = True
         for run in self._runs.values():
             run.move_to(self._flow.timers)
+
+
+def _is_edit(row: Row) -> bool:
+    """Whether a row comes of an edit of the map, which has a place in the log rather than in event time."""
+    return row.source == "map" or row.values.get("cause") == "map"

@@ -73,6 +73,6 @@ def needs_of(declaration: Declaration) -> Needs:
     )
 
 
-def is_at_once(declaration: Declaration) -> bool:
-    """Whether a rule makes its events as rows arrive, in any order: edges that need nothing looked up."""
+def needs_no_order(declaration: Declaration) -> bool:
+    """Whether a rule finds the same in rows of any order: edges that need nothing looked up."""
     return isinstance(declaration.body, Edges) and not properties_read(declaration) & IN_ORDER

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from semap.rules.engine.needs import Needs, is_at_once, needs_of
+from semap.rules.engine.needs import Needs, needs_no_order, needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.rule_run import RuleRun
@@ -22,21 +22,33 @@ Readers: TypeAlias = Mapping[Source, Mapping[str, tuple[RuleRun, ...]]]
 class Plan:
     """The rules in force on a map, those that are read before those that read them.
 
-    at_once    take rows as they arrive; only edges do
     in_order   take rows as they are released, each before the next
     in_moment  take the released rows of one stamp together, after the rules that they read: they read events
+    as_come    need no order, and take rows that cannot stand in it as they come: of the map, and too late
     of_events  read the events of a rule, by its name
     """
 
     runs: tuple[RuleRun, ...]
-    at_once: Readers
     in_order: Readers
     in_moment: Readers
+    as_come: Readers
     of_events: Mapping[str, tuple[RuleRun, ...]]
 
     def waiting(self) -> Mapping[Source, frozenset[str]]:
         """The inputs whose rows wait for the watermark."""
         return {source: frozenset((*self.in_order[source], *self.in_moment[source])) for source in SOURCES}
+
+    def ordered(self) -> Mapping[Source, frozenset[str]]:
+        """The inputs that are read by rules which cannot take a row that comes too late."""
+        return {
+            source: frozenset(
+                name
+                for table in (self.in_order[source], self.in_moment[source])
+                for name, runs in table.items()
+                if not set(runs) <= set(self.as_come[source].get(name, ()))
+            )
+            for source in SOURCES
+        }
 
     def needs(self) -> Needs:
         """What rows need before they are taken."""
@@ -56,7 +68,7 @@ class Plan:
 
     def names(self, source: Source) -> frozenset[str]:
         """The inputs of one kind that are read."""
-        return frozenset((*self.at_once[source], *self.in_order[source], *self.in_moment[source]))
+        return frozenset((*self.in_order[source], *self.in_moment[source], *self.as_come[source]))
 
 
 def plan_of(rules: Iterable[Rule], runs: Mapping[int, RuleRun]) -> Plan:
@@ -70,19 +82,21 @@ def plan_of(rules: Iterable[Rule], runs: Mapping[int, RuleRun]) -> Plan:
         {name: [each for source, each in inputs if source == "event"] for name, inputs in read.items()}
     )
     at_work = tuple(runs[known[name].rule_id] for name in order if known[name].rule_id in runs)
-    at_once, in_order, in_moment = _no_readers(), _no_readers(), _no_readers()
+    in_order, in_moment, as_come = _no_readers(), _no_readers(), _no_readers()
     of_events: dict[str, tuple[RuleRun, ...]] = {}
     for place, run in enumerate(at_work):
         run.place = place
         inputs = read[run.rule.name]
         table = in_moment if any(source == "event" for source, _ in inputs) else in_order
-        if is_at_once(run.rule.declaration):
-            table = at_once
+        is_free = needs_no_order(run.rule.declaration)
         for source, name in inputs:
-            table[source][name] = (*table[source].get(name, ()), run)
+            if is_free:
+                as_come[source][name] = (*as_come[source].get(name, ()), run)
+            if not is_free or source != "map":
+                table[source][name] = (*table[source].get(name, ()), run)
             if source == "event":
                 of_events[name] = (*of_events.get(name, ()), run)
-    return Plan(at_work, at_once, in_order, in_moment, of_events)
+    return Plan(at_work, in_order, in_moment, as_come, of_events)
 
 
 def _inputs_of(rule: Rule, names: frozenset[str]) -> frozenset[tuple[Source, str]]:

@@ -23,9 +23,8 @@ def run_over(
     watch: Callable[[int], None] = lambda count: None,
     tell: Callable[[Rule, GivenUp], None] = lambda rule, given_up: None,
 ) -> list[Event]:
-    """The events that rules of one map make of these rows, in any order, and of time up to `until_us`.
+    """The events, in order, that rules of one map make of rows in any order and of time, up to `until_us`.
 
-    Rows after `until_us` make only events of rules that need no order.
     watch   is told again and again how many events there are, and ends the run by raising
     tell    is told at the end of what a rule gave up, because too much was under way in a key
     raises  InvalidInput as `Engine.change_rule`
@@ -35,18 +34,17 @@ def run_over(
     for rule in rules:
         engine.change_rule(rule.rule_id, rule)
         map_ids.add(rule.map_id)
-    at_once: list[Event] = []
-    in_order: list[Event] = []
-    kept = list(rows)
+    events: list[Event] = []
+    kept = [row for row in rows if row.stamp_us <= until_us]
     for map_id in sorted(map_ids):
         for together in _in_turn(kept):
             for row in together:
-                at_once += engine.arrive(map_id, row)
-            engine.watermark(map_id, 0, min(together[-1].stamp_us, until_us))
-            in_order += engine.release()
-            watch(len(at_once) + len(in_order))
+                engine.arrive(map_id, row)
+            engine.watermark(map_id, 0, together[-1].stamp_us)
+            events += engine.release()
+            watch(len(events))
         engine.watermark(map_id, 0, until_us)
-    events = at_once + in_order + engine.release()
+        events += engine.release()
     for rule_id, given_up in engine.given_up.items():
         tell(engine.rules[rule_id], given_up)
     return events

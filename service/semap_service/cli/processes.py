@@ -136,12 +136,12 @@ def work(
 
     One worker reads at a time; a second one waits and takes over. Once an hour it does what
     `semap db maintain` does. It makes the continuous queries that are asked for in SQL, and rows of the
-    states that come as frames.
+    states that come as frames, and tells rules which sources have fallen silent.
     """
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
-    from semap.worker.unfolding import unfolding  # noqa: PLC0415
+    from semap.worker.settling import settling  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.supervisor import stop_signal  # noqa: PLC0415
 
@@ -152,7 +152,7 @@ def work(
         database(dsn) as opened,
         housekeeping(opened),
         answering(opened),
-        unfolding(opened),
+        settling(opened),
     ):
         follow(opened, stop)
 

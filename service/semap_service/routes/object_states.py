@@ -83,8 +83,9 @@ class NewObjectStates(Request):
     states: Annotated[list[NewObjectStateDocument], Field(max_length=MOST_STATES)]
     watermark: InStamp | None = Field(
         default=None,
-        description="After these, the source gives no state up to this stamp. Rules wait for it: without a"
-        " watermark they act when other sources of the map have come so far.",
+        description="After these, the source gives no state up to this stamp, and rules may go on so far. A"
+        " source that says no watermark has given all before its newest stamp, and all at it after a second"
+        " of silence.",
     )
 
 

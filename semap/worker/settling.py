@@ -1,7 +1,9 @@
-"""What came as frames becomes rows of `track_state` within seconds (sql/146).
+"""What came in is settled within seconds: silent sources have given all, and frames become rows of states.
 
-It is done in a thread of the rule worker's process and over a connection of its own, a few thousand states in
-a transaction. Where no worker runs, whoever writes frames does it once they are a minute old.
+It is done in a thread of the rule worker's process and over a connection of its own, of frames a few thousand
+states in a transaction. A source that says no watermark has given all states of its newest stamp once it has
+been silent for a second (sql/125). Where no worker runs, whoever writes frames makes rows of those that are a
+minute old (sql/146).
 """
 
 from __future__ import annotations
@@ -26,19 +28,23 @@ RETRY_S = 5.0
 
 
 @contextmanager
-def unfolding(dsn: str) -> Iterator[None]:
-    """Frames become rows as long as this lasts."""
+def settling(dsn: str) -> Iterator[None]:
+    """What came in is settled as long as this lasts."""
     follow = partial(_follow, dsn)
     work = partial(
-        again_and_again, follow, log=log, waits="Frames of states become rows later", retry_s=RETRY_S
+        again_and_again,
+        follow,
+        log=log,
+        waits="Silent sources and frames of states are settled later",
+        retry_s=RETRY_S,
     )
-    with beside("unfolding", work):
+    with beside("settling", work):
         yield
 
 
 def _follow(dsn: str, stop: Signal) -> None:
     said: dict[int, str] = {}
-    with connect(dsn, ROLE, application="semap work: frames") as connection:
+    with connect(dsn, ROLE, application="semap work: settling") as connection:
         while not stop.wait(EACH_S):
             with translated():
                 connection.execute("select semap.complete_silent_sources()")
