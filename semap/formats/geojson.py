@@ -31,7 +31,7 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 from semap.errors import InvalidInput
-from semap.formats.adjacency import joined_rooms
+from semap.formats.adjacency import Floor, joined_rooms
 from semap.formats.geojson_shape import Shape, ShapeError, parse_shape
 from semap.formats.source import read_bytes
 from semap.geometry.pose import pose_from_yaw
@@ -232,6 +232,13 @@ def _joins(properties: Mapping[str, object], where: str) -> tuple[str, ...] | No
 
 def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ...]:
     rooms = {draft.item.name: draft for draft in drafts if not draft.is_opening}
+    footprints: dict[str | None, dict[str, Polygon | MultiPolygon]] = {
+        draft.item.storey: {} for draft in drafts
+    }
+    for name, room in rooms.items():
+        if room.item.footprint is not None:
+            footprints[room.item.storey][name] = room.item.footprint
+    floors = {storey: Floor(on_storey) for storey, on_storey in footprints.items()}
     items: list[Item] = []
     for draft in drafts:
         if draft.joins is not None:
@@ -242,12 +249,7 @@ def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ..
             )
             joins = tuple(name for name in draft.joins if name in rooms)
         elif draft.is_opening:
-            nearby = {
-                name: room.item.footprint
-                for name, room in rooms.items()
-                if room.item.storey == draft.item.storey and room.item.footprint is not None
-            }
-            joins = joined_rooms(draft.shape, nearby)
+            joins = joined_rooms(draft.shape, floors[draft.item.storey])
         else:
             joins = ()
         items.append(replace(draft.item, joins=joins))

@@ -21,7 +21,7 @@ import shapely
 from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
-from semap.formats.adjacency import joined_rooms
+from semap.formats.adjacency import Floor, joined_rooms
 from semap.formats.ifc_door import door_attributes
 from semap.formats.source import read_ends
 from semap.formats.storey_band import band_by_storey
@@ -264,9 +264,11 @@ def _joins_by_shape(
     findings.append(
         Finding("note", f"{len(doors)} doors", "the file does not say which rooms they join; found by shape")
     )
+    floors = {storey: Floor(on_storey) for storey, on_storey in footprints.items()}
+    nothing = Floor({})
     return {
         door.name: joined_rooms(
-            shapely.MultiPoint(door.points_m()[:, :2]).convex_hull, footprints.get(door.storey, {})
+            shapely.MultiPoint(door.points_m()[:, :2]).convex_hull, floors.get(door.storey, nothing)
         )
         for door in doors
         if door.body is not None
