@@ -135,7 +135,8 @@ def _normals(hull: Mesh) -> NDArray[np.float64]:
     largest = np.argsort(-areas, kind="stable")[: 4 * FACES_TRIED]
     largest = largest[areas[largest] > 0]
     units = np.concatenate([[[0.0, 0.0, 1.0]], normals[largest] / areas[largest, None]])
-    if np.minimum(np.abs(units[:, 2]), np.hypot(units[:, 0], units[:, 1])).max() < UPRIGHT:
+    up, aside = np.abs(units[:, 2]), np.hypot(units[:, 0], units[:, 1])
+    if np.minimum(up, aside).max() < UPRIGHT < aside.max() and aside[1:].min() < UPRIGHT:
         # A prism: from each side it is a rectangle that stands upright, and those are found from above.
         return units[:1]
     kept = [0]
