@@ -33,7 +33,7 @@ from shapely import LineString, MultiPolygon, Polygon
 from semap.errors import InvalidInput
 from semap.formats.adjacency import Floor, joined_rooms
 from semap.formats.geojson_shape import Shape, ShapeError, parse_shape
-from semap.formats.source import read_bytes
+from semap.formats.source import read_bytes, utf8
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, Finding, HeightBand, Item, Storey
@@ -62,8 +62,9 @@ METRES = "Project the coordinates to metres, for example with `ogr2ogr -t_srs EP
 
 def read_geojson(path: Path) -> Building:
     """Read a floor plan from a file; see `parse_geojson`."""
+    text = utf8(read_bytes(path), str(path))
     try:
-        document = json.loads(read_bytes(path).decode("utf-8-sig"))
+        document = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"not JSON: {error}", "Give a GeoJSON file in UTF-8.", str(path)) from error
     return parse_geojson(document, where=str(path))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from semap.errors import InvalidInput
 from semap.formats.adjacency import Floor, joined_rooms
 from semap.formats.ifc_door import door_attributes
-from semap.formats.source import read_ends
+from semap.formats.source import read_ends, refuse_utf16
 from semap.formats.storey_band import band_by_storey
 from semap.formats.unique_name import unique_names
 from semap.geometry.outline import outline
@@ -114,6 +114,7 @@ def _library(name: str = "ifcopenshell") -> Any:
 
 def _open(path: Path) -> Entity:
     head, tail = read_ends(path, 1024)
+    refuse_utf16(head, str(path))
     if b"ISO-10303-21" not in head:
         raise InvalidInput(
             "not an IFC file", "Export the model as IFC in the STEP format (.ifc, not zipped).", str(path)
