@@ -30,7 +30,7 @@ from semap.formats.ifc_model import (
     library,
     made_uid,
     placement,
-    shape,
+    shape_of,
     storey_of,
     uid_of,
     unit_scale,
@@ -153,7 +153,7 @@ def _place(
     for (entity, concept), storey, name in zip(entities, on, names, strict=True):
         pose, body = IDENTITY, None
         try:
-            pose, body = shape(geom.create_shape(settings, entity))
+            pose, body = shape_of(geom.create_shape(settings, entity))
         except (RuntimeError, InvalidInput) as error:
             reason = str(error).strip() or "its geometry cannot be made"
             findings.append(Finding("note", name, f"kept without body and pose: {reason}"))

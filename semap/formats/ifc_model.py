@@ -47,6 +47,10 @@ class Placed:
 
 
 def library(name: str = "ifcopenshell") -> Any:
+    """A module of IfcOpenShell.
+
+    raises  InvalidInput if it is not installed
+    """
     # It is large, and most installations never read IFC: it is an extra, imported when it is needed.
     try:
         return importlib.import_module(name)
@@ -61,7 +65,7 @@ def unit_scale(file: Entity, unit: str) -> float:
     return float(library("ifcopenshell.util.unit").calculate_unit_scale(file, unit))
 
 
-def shape(shape: Any) -> tuple[Pose, Mesh]:
+def shape_of(shape: Any) -> tuple[Pose, Mesh]:
     """Pose and body of a tessellated entity; IfcOpenShell gives both in metres."""
     vertices_m = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
     faces = np.array(shape.geometry.faces, dtype=np.int64).reshape(-1, 3)
@@ -78,7 +82,7 @@ def whole_shape(parts: Sequence[Entity]) -> tuple[Pose, Mesh | None]:
     vertices_m, faces, start = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for part in parts:
         try:
-            pose, body = shape(geom.create_shape(settings, part))
+            pose, body = shape_of(geom.create_shape(settings, part))
         except (RuntimeError, InvalidInput):
             continue
         vertices_m.append(transform_points(pose.matrix(), body.vertices_m))
@@ -91,18 +95,8 @@ def whole_shape(parts: Sequence[Entity]) -> tuple[Pose, Mesh | None]:
     return Pose(*(float(each) for each in origin_m)), Mesh(corners_m - origin_m, np.concatenate(faces))
 
 
-def _bounded_spaces(door: Entity) -> set[int]:
-    """Spaces that share a boundary (IfcRelSpaceBoundary, any level) with a door or with its opening."""
-    openings = [fills.RelatingOpeningElement for fills in door.FillsVoids]
-    return {
-        boundary.RelatingSpace.id()
-        for element in (door, *openings)
-        for boundary in element.ProvidesBoundaries
-        if boundary.RelatingSpace is not None
-    }
-
-
 def placement(entity: Entity) -> NDArray[np.float64]:
+    """The matrix (4, 4) of a placement in its parent, or an object's in the world, in units of the file."""
     module = library("ifcopenshell.util.placement")
     local = module.get_axis2placement if entity.is_a("IfcPlacement") else module.get_local_placement
     matrix: NDArray[np.float64] = local(entity)
@@ -136,11 +130,12 @@ def footprints_of(placed: Sequence[Placed], findings: list[Finding]) -> dict[str
             try:
                 footprints[room.name] = outline(Mesh(room.points_m(), room.body.faces))
             except InvalidInput as error:
-                findings.append(Finding("note", room.name, f"its doors cannot be found: {error}"))
+                findings.append(Finding("note", room.name, f"its ways are not found by shape: {error}"))
     return footprints
 
 
 def floors_of(placed: Sequence[Placed], footprints: Mapping[str, Footprint]) -> dict[Storey | None, Floor]:
+    """The rooms of each storey on which something is placed."""
     on: dict[Storey | None, dict[str, Footprint]] = {each.storey: {} for each in placed}
     for each in placed:
         if each.name in footprints:
