@@ -157,14 +157,14 @@ language plpgsql set search_path = public, pg_temp as $$
 declare
   v_frame  record;
 begin
+  with recursive above (start_id, frame_id) as ( -- of all at once, and no frame twice
+    select frame_id, parent_id from new_row where parent_id is not null
+    union
+    select a.start_id, f.parent_id from above a join semap.frame f using (frame_id) where f.parent_id is not null
+  )
   select n.name, p.name as parent, p.map_id <> n.map_id as is_foreign into v_frame
   from new_row n join semap.frame p on p.frame_id = n.parent_id
-  where p.map_id <> n.map_id
-     or n.frame_id in (with recursive above (frame_id) as (
-                         select n.parent_id
-                         union
-                         select f.parent_id from semap.frame f join above a using (frame_id) where f.parent_id is not null
-                       ) select frame_id from above)
+  where p.map_id <> n.map_id or n.frame_id in (select start_id from above where frame_id = start_id)
   limit 1;
   if found then
     raise exception '% cannot be put below %, %.', v_frame.name, v_frame.parent,

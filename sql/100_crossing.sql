@@ -10,7 +10,7 @@ comment on function semap.change_uid is
 
 -- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow on
 -- one another (1 is from the first to the second), and the nearest door of the instance, not further away than a thick
--- wall. A place that is not on the outline was not crossed at.
+-- wall: by its outline, else its line (sql/119), else its origin. A place that is not on the outline was not crossed at.
 create or replace function semap.crossed_at(
   p_region_id integer, p_x_m double precision, p_y_m double precision,
   out edge integer, out door_id bigint, out door_name text
@@ -33,9 +33,12 @@ begin
   select i.instance_id, i.name into door_id, door_name
   from semap.door_room j
   join semap.instance i on i.instance_id = j.door_id
-  join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = 'Footprint'
-  where j.room_id = v_instance_id and public.st_dwithin(a.geometry, v_point, 0.5)
-  order by public.st_distance(a.geometry, v_point), i.uid limit 1;
+  left join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = 'Footprint'
+  cross join lateral (
+    select coalesce(a.geometry, (semap.doorway(i)).line, public.st_force2d(semap.origin_in_root(i.frame_id))) as shape
+    offset 0) door
+  where j.room_id = v_instance_id and public.st_dwithin(door.shape, v_point, 0.5)
+  order by public.st_distance(door.shape, v_point), i.uid limit 1;
 end $$;
 comment on function semap.crossed_at is
   'Through what a boundary was crossed at a place on it: the number of the edge, and the nearest door of the instance.';

@@ -33,6 +33,22 @@ $$;
 comment on function semap.joined is
   'The rooms of one map that a door joins, in both directions, without doors of the attributes p_closed.';
 
+-- The rooms that doors, openings, stairs and lifts connect with a room, itself among them.
+create or replace function semap.rooms_connected(p_room_id bigint) returns setof bigint
+language sql stable parallel safe as $$
+  with recursive reached (room_id) as (
+    select p_room_id
+    union
+    select other.room_id
+    from reached r
+    join semap.door_room a on a.room_id = r.room_id
+    join semap.door_room other on other.door_id = a.door_id
+  )
+  select room_id from reached
+$$;
+comment on function semap.rooms_connected is
+  'The rooms that doors, openings, stairs and lifts connect with a room, itself among them.';
+
 -- The shortest way from a room through each door into each room that it leads to: [m] at the door, and the door and
 -- room before. Lengths are relaxed over all passages at once until none gets shorter (Bellman and Ford).
 create or replace function semap.ways_from(p_from bigint, p_closed jsonb default null)

@@ -49,37 +49,36 @@ comment on function semap.pairs_at is
 -- The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.
 create or replace function semap.pair_history_differences(p_map_id integer, p_moments integer default 40)
 returns table (stamp timestamptz, thing text, stored text, wanted text)
-language plpgsql stable as $$
-declare
-  v_queries  integer[] := array(select q.query_id from semap.momentary_queries(p_map_id) q);
-  v_at       timestamptz;
-begin
-  for v_at in
-    with newest as materialized (
-      select c.stamp, row_number() over (order by c.change_id desc) as place from semap.relation_change c
-      where c.map_id = p_map_id and c.query_id = any (v_queries) and c.cause <> 'map'
-      order by c.change_id desc limit 1000
-    )
-    select distinct on (n.stamp) n.stamp from newest n, (select max(place) as places from newest) m
-    where place <= p_moments / 2 or place * p_moments / 2 % places < p_moments / 2
-    order by n.stamp desc limit p_moments
-  loop
-    return query
-      with logged as (
-        select h.query_id, h.subject_key, h.object_key
-        from semap.pairs_held_at(v_queries, array(select track_id from semap.track_now where map_id = p_map_id), v_at) h
-      ), stood as (
-        select p.query_id, p.subject_key, p.object_key from semap.pairs_at(p_map_id, v_at) p
-      )
-      select v_at, format('%s at %s', semap.relation_in_words(d.query_id, d.subject_key, null, null, d.object_key), v_at),
-             case when d.is_logged then 'a relation' else 'no relation' end,
-             case when d.is_logged then 'no relation' else 'a relation' end
-      from (select *, true as is_logged from (select * from logged except select * from stood) l
-            union all
-            select *, false from (select * from stood except select * from logged) s) d
-      where (semap.pair_formed(d.query_id, d.subject_key, d.object_key) >= v_at) is not true;
-  end loop;
-end $$;
+language sql stable as $$
+  with asked as materialized (
+    select query_id from semap.momentary_queries(p_map_id)
+  ), folded as materialized (
+    select (f.change).*, f.is_newest from semap.folded_changes(p_map_id) f
+    where (f.change).query_id in (table asked)
+  ), span as materialized (
+    select query_id, track_id, object_track_id, since as from_at, edge_at as to_at from folded where kind = 'ended'
+    union all
+    select query_id, track_id, object_track_id, edge_at, 'infinity' from folded where kind = 'began' and is_newest
+  ), newest as (
+    select f.stamp, row_number() over (order by change_id desc) as place, count(*) over () as places
+    from (select * from folded where cause <> 'map' order by change_id desc limit 1000) f
+  ), moment as materialized (
+    select distinct n.stamp as at from newest n
+    where place <= p_moments / 2 or place * p_moments / 2 % places < p_moments / 2 order by n.stamp desc limit p_moments
+  ), logged as (
+    select m.at, s.query_id, s.track_id, s.object_track_id
+    from moment m join span s on s.from_at <= m.at and s.to_at > m.at
+  ), stood as (
+    select m.at, p.query_id, p.subject_key, p.object_key from moment m cross join lateral semap.pairs_at(p_map_id, m.at) p
+  )
+  select d.at, format('%s at %s', semap.relation_in_words(d.query_id, d.track_id, null, null, d.object_track_id), d.at),
+         case when d.is_logged then 'a relation' else 'no relation' end,
+         case when d.is_logged then 'no relation' else 'a relation' end
+  from (select *, true as is_logged from (table logged except table stood) l
+        union all
+        select *, false from (table stood except table logged) s) d
+  where (semap.pair_formed(d.query_id, d.track_id, d.object_track_id) >= d.at) is not true
+$$;
 comment on function semap.pair_history_differences is
   'The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.';
 

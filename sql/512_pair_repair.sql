@@ -98,6 +98,10 @@ begin
   loop
     perform semap.record_pair_changes(semap.settle_pairs(array[v_changed.query_id], v_changed.keys, null, null, 'map'));
   end loop;
+  -- what the log says of the past stays, and is no matter of what these queries are from now on
+  if exists (select from semap.pair_history_differences(p_map_id)) or exists (select from semap.crossing_differences(p_map_id)) then
+    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs));
+  end if;
   return (select count(*) from semap.relation_change
           where map_id = p_map_id and change_id > v_before and kind in ('began', 'ended') and amendment is null);
 end $$;

@@ -97,7 +97,12 @@ STATEMENTS = (
       ('Furniture', 'Thing', array['ifc:IfcFurnishingElement', 'brick:Furniture']),
       ('Chair', 'Furniture', array[]::text[]),
       ('Table', 'Furniture', array[]::text[]),
-      ('Cupboard', 'Furniture', array[]::text[])
+      ('Cupboard', 'Furniture', array[]::text[]),
+      ('Obstacle', 'Thing', array[]::text[]),
+      ('Passage', 'Thing', array[]::text[]),
+      ('Stair', 'Passage', array['ifc:IfcStair']),
+      ('Ramp', 'Passage', array['ifc:IfcRamp']),
+      ('Lift', 'Passage', array['ifc:IfcTransportElement'])
     ), made as (
       insert into semap.concept (name) select name from kind returning concept_id, name
     ), known as (

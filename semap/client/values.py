@@ -90,12 +90,15 @@ class Room(Instance):
 class InstanceDetail(Instance):
     """All that is known of an instance.
 
+    band       heights that it answers for, such as those of its storey
+    body_band  heights that its body has itself
     etag  names this state of it: `change_instance` with it is refused where another was faster
     """
 
     pose: Pose | None
     footprint: Shape | None
     band: Band | None
+    body_band: Band | None
     joins: tuple[Named, ...]
     has_body: bool
     attributes: Mapping[str, Any]
@@ -148,15 +151,35 @@ class RouteStep:
 
 
 @dataclass(frozen=True)
+class Part:
+    """Rooms between which there are ways: how many, names of 20, and the storeys that they are on."""
+
+    rooms: int
+    names: tuple[str, ...]
+    storeys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Why there is no way: the part of the building where it begins, and that where it ends."""
+
+    reason: str
+    start: Part
+    end: Part
+
+
+@dataclass(frozen=True)
 class Route:
-    """The shortest way through doors; `length_m` is None where there is none.
+    """The shortest way through doors, openings, stairs and lifts; `length_m` is None where there is none.
 
     line  x, y and, where it is known, z [m] of each place that it passes
+    gap   where there is none: which parts of the building are not connected
     """
 
     length_m: float | None
     steps: tuple[RouteStep, ...]
     line: tuple[tuple[float, ...], ...]
+    gap: Gap | None = None
 
 
 @dataclass(frozen=True)

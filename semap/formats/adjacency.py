@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
-from shapely import LineString, MultiPolygon, Point, Polygon
+from shapely import LineString, MultiPolygon, Point, Polygon, STRtree
 
 REACH_M = 0.3
 """Rooms end at the wall's face; the door stands somewhere in the wall's thickness."""
@@ -20,19 +20,32 @@ CONTACT_M2 = 1e-3
 """A room that fills less of the strip only touches it."""
 
 
-def joined_rooms(opening: shapely.Geometry, rooms: Mapping[str, Polygon | MultiPolygon]) -> tuple[str, ...]:
+class Floor:
+    """The rooms of one storey by where they are; footprints by name [m, map frame]."""
+
+    def __init__(self, rooms: Mapping[str, Polygon | MultiPolygon]) -> None:
+        self._names = list(rooms)
+        self._footprints = list(rooms.values())
+        self._tree = STRtree(self._footprints)
+
+    def around(self, shape: shapely.Geometry) -> dict[str, Polygon | MultiPolygon]:
+        """The rooms whose box meets that of a shape."""
+        return {self._names[place]: self._footprints[place] for place in self._tree.query(shape).tolist()}
+
+
+def joined_rooms(opening: shapely.Geometry, floor: Floor) -> tuple[str, ...]:
     """The names of at most two rooms on both sides of an opening, sorted.
 
     opening  its outline seen from above, its line in the wall, or a point [m, map frame]
-    rooms    footprints by name [m, map frame], only those on the opening's storey
+    floor    the rooms of the opening's storey
     """
     if shapely.length(opening) == 0:
-        return tuple(sorted(_nearest(opening, rooms)))
+        return tuple(sorted(_nearest(opening, floor.around(opening.buffer(REACH_M)))))
     axis, half_depth_m = _long_axis(opening)
     strips = [
         axis.buffer(side * (half_depth_m + REACH_M), cap_style="flat", single_sided=True) for side in (1, -1)
     ]
-    contacts = [_contacts(strip, rooms) for strip in strips]
+    contacts = [_contacts(strip, floor.around(strip)) for strip in strips]
     return tuple(sorted(_one_on_each_side(*contacts)))
 
 

@@ -1,4 +1,4 @@
-"""Floor plans in GeoJSON (RFC 7946), but in metres of the map frame instead of degrees.
+"""Floor plans in GeoJSON (RFC 7946), in metres of the map or in degrees (`semap.formats.geojson_system`).
 
 Polygons are rooms, lines and points are openings, unless `concept` says otherwise. Properties:
 
@@ -31,9 +31,11 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 from semap.errors import InvalidInput
-from semap.formats.adjacency import joined_rooms
+from semap.formats.adjacency import Floor, joined_rooms
 from semap.formats.geojson_shape import Shape, ShapeError, parse_shape
-from semap.formats.source import read_bytes
+from semap.formats.geojson_system import Crs, as_metres, system_of
+from semap.formats.refusals import Refusals, listed
+from semap.formats.source import read_bytes, utf8
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, Finding, HeightBand, Item, Storey
@@ -41,9 +43,6 @@ from semap.model.pose import IDENTITY, Pose
 
 NAMESPACE = UUID("5c1f6f0e-6d0a-5b0e-9d53-3c1a2e8f7b40")
 """Names become uids in this namespace, so that reading a file twice gives the same building."""
-
-TINY_M = 0.1
-"""No building is smaller; a building in degrees is (0.1 degree is 11 km)."""
 
 OPENING_CONCEPTS = {"Door", "Opening"}
 OWN_PROPERTIES = {
@@ -57,44 +56,68 @@ OWN_PROPERTIES = {
     "uid",
     "attributes",
 }
-METRES = "Project the coordinates to metres, for example with `ogr2ogr -t_srs EPSG:<zone>`."
 
 
-def read_geojson(path: Path) -> Building:
+def read_geojson(path: Path, crs: Crs | None = None) -> Building:
     """Read a floor plan from a file; see `parse_geojson`."""
+    text = utf8(read_bytes(path), str(path))
     try:
-        document = json.loads(read_bytes(path).decode("utf-8-sig"))
+        document = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InvalidInput(f"not JSON: {error}", "Give a GeoJSON file in UTF-8.", str(path)) from error
-    return parse_geojson(document, where=str(path))
+    return parse_geojson(document, where=str(path), crs=crs)
 
 
-def parse_geojson(document: object, where: str = "") -> Building:
-    """The building that a GeoJSON document describes, with what was repaired or skipped.
+def parse_geojson(document: object, where: str = "", crs: Crs | None = None) -> Building:
+    """The building that a GeoJSON document describes, with what was repaired or left out.
 
     document  as `json.loads` gives it
     where     names the document in errors
-    raises    InvalidInput if it is no feature collection, is in degrees, repeats a name, has values that
-              are not finite, or has no usable feature
+    crs       what the coordinates are; None: see `semap.formats.geojson_system`
+    raises    InvalidInput if it is no feature collection, repeats a name, has no usable feature, or has
+              values that are wrong, with the first 20 features that have some
     """
     features = _features(document, where)
     findings: list[Finding] = []
-    drafts = [
-        draft
-        for index, feature in enumerate(features)
-        if (draft := _draft(feature, f"{where} features[{index}]".strip(), findings)) is not None
-    ]
-    _refuse_degrees(document, drafts, where)
-    if not drafts:
+    wrong = Refusals()
+    read: list[_Feature] = []
+    for index, feature in enumerate(features):
+        with wrong.of_part(index):
+            if (found := _read_feature(feature, index, findings)) is not None:
+                read.append(found)
+    if not read:
+        wrong.raise_if_any("features", where)
         raise InvalidInput(
-            "no feature can be used: " + "; ".join(f"{f.subject}: {f.reason}" for f in findings),
+            "no feature can be used:\n  " + listed([f"{each.subject}: {each.reason}" for each in findings]),
             "Give at least one polygon with a `name` property.",
             where,
         )
+    system = system_of(document, [each.shape for each in read], crs)
+    anchor = None
+    if system.crs == "degrees":
+        shapes, anchor, finding = as_metres([each.shape for each in read], system, where)
+        read = [replace(each, shape=shape) for each, shape in zip(read, shapes, strict=True)]
+        findings.insert(0, finding)
+    drafts: list[_Draft] = []
+    for each in read:
+        with wrong.of_part(each.index):
+            drafts.append(_draft(each))
+    wrong.raise_if_any("features", where)
     storeys = _storeys(drafts, document, where)
     _refuse_duplicates([*(draft.item.name for draft in drafts), *(storey.name for storey in storeys)], where)
     items = _with_joins(drafts, findings)
-    return Building(storeys, items, tuple(findings))
+    return Building(storeys, items, tuple(findings), anchor)
+
+
+@dataclass(frozen=True)
+class _Feature:
+    """A feature that can be used, before what it says is looked at."""
+
+    index: int
+    name: str
+    shape: Shape
+    properties: Mapping[str, object]
+    where: str
 
 
 @dataclass(frozen=True)
@@ -108,7 +131,12 @@ class _Draft:
 
     @property
     def is_opening(self) -> bool:
-        return not isinstance(self.shape, Polygon | MultiPolygon) or self.item.concept in OPENING_CONCEPTS
+        """Points are openings only where they are called so: sensors and lamps are points, too."""
+        return isinstance(self.shape, LineString) or self.item.concept in OPENING_CONCEPTS
+
+    @property
+    def is_room(self) -> bool:
+        return self.item.footprint is not None and not self.is_opening
 
 
 def _features(document: object, where: str) -> list[object]:
@@ -119,10 +147,15 @@ def _features(document: object, where: str) -> list[object]:
     features = document.get("features")
     if not isinstance(features, list):
         raise InvalidInput("`features` is not a list", "Give a list of GeoJSON features.", where)
+    if not features:
+        raise InvalidInput(
+            "there are no features", "Give at least one polygon with a `name` property.", where
+        )
     return features
 
 
-def _draft(feature: object, where: str, findings: list[Finding]) -> _Draft | None:
+def _read_feature(feature: object, index: int, findings: list[Finding]) -> _Feature | None:
+    where = f"features[{index}]"
     if not isinstance(feature, Mapping) or feature.get("type") != "Feature":
         findings.append(Finding("skipped", where, "not a GeoJSON feature"))
         return None
@@ -141,10 +174,11 @@ def _draft(feature: object, where: str, findings: list[Finding]) -> _Draft | Non
         findings.append(Finding("skipped", name, str(error)))
         return None
     findings.extend(Finding(note.action, name, note.reason) for note in notes)
-    return _draft_of_shape(name, shape, properties, where)
+    return _Feature(index, name, shape, properties, where)
 
 
-def _draft_of_shape(name: str, shape: Shape, properties: Mapping[str, object], where: str) -> _Draft:
+def _draft(feature: _Feature) -> _Draft:
+    name, shape, properties, where = feature.name, feature.shape, feature.properties, feature.where
     footprint = shape if isinstance(shape, Polygon | MultiPolygon) else None
     elevation_m = _number(properties, "elevation_m", where) or 0.0
     height_m = _number(properties, "height_m", where)
@@ -231,7 +265,14 @@ def _joins(properties: Mapping[str, object], where: str) -> tuple[str, ...] | No
 
 
 def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ...]:
-    rooms = {draft.item.name: draft for draft in drafts if not draft.is_opening}
+    rooms = {draft.item.name: draft for draft in drafts if draft.is_room}
+    footprints: dict[str | None, dict[str, Polygon | MultiPolygon]] = {
+        draft.item.storey: {} for draft in drafts
+    }
+    for name, room in rooms.items():
+        if room.item.footprint is not None:
+            footprints[room.item.storey][name] = room.item.footprint
+    floors = {storey: Floor(on_storey) for storey, on_storey in footprints.items()}
     items: list[Item] = []
     for draft in drafts:
         if draft.joins is not None:
@@ -242,12 +283,7 @@ def _with_joins(drafts: list[_Draft], findings: list[Finding]) -> tuple[Item, ..
             )
             joins = tuple(name for name in draft.joins if name in rooms)
         elif draft.is_opening:
-            nearby = {
-                name: room.item.footprint
-                for name, room in rooms.items()
-                if room.item.storey == draft.item.storey and room.item.footprint is not None
-            }
-            joins = joined_rooms(draft.shape, nearby)
+            joins = joined_rooms(draft.shape, floors[draft.item.storey])
         else:
             joins = ()
         items.append(replace(draft.item, joins=joins))
@@ -269,20 +305,6 @@ def _storeys(drafts: list[_Draft], document: object, where: str) -> tuple[Storey
         Storey(uuid5(NAMESPACE, f"storey {name}"), name, elevation_m)
         for name, elevation_m in elevations_m.items()
     )
-
-
-def _refuse_degrees(document: object, drafts: list[_Draft], where: str) -> None:
-    crs = json.dumps(document.get("crs"), default=str) if isinstance(document, Mapping) else ""
-    if any(geographic in crs for geographic in ("CRS84", "4326", "4979", "4258")):
-        raise InvalidInput(f"the coordinates are degrees: its `crs` is {crs}", METRES, where)
-    if drafts:
-        west, south, east, north = shapely.total_bounds([draft.shape for draft in drafts])
-        if max(east - west, north - south) < TINY_M and any(d.shape.length > 0 for d in drafts):
-            raise InvalidInput(
-                f"the whole building is {max(east - west, north - south):.2g} wide, so these are degrees",
-                METRES,
-                where,
-            )
 
 
 def _refuse_duplicates(names: Iterable[str], where: str) -> None:

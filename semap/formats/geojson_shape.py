@@ -33,7 +33,8 @@ def parse_shape(geometry: object, where: str) -> tuple[Shape, tuple[ShapeNote, .
     """The shape of a GeoJSON geometry on the xy plane; the coordinates of a valid one are not touched.
 
     where    names the feature in errors
-    raises   ShapeError if it cannot be used or repaired, InvalidInput if a coordinate is not finite
+    raises   ShapeError if it says nothing that semap can use; InvalidInput if a coordinate is no finite
+             number, or the coordinates are not nested as the type demands
     """
     if not isinstance(geometry, Mapping):
         raise ShapeError("it has no geometry")
@@ -45,7 +46,7 @@ def parse_shape(geometry: object, where: str) -> tuple[Shape, tuple[ShapeNote, .
     if kind == "Polygon":
         shape = _repaired(_polygon(coordinates, where, notes), notes)
     elif kind == "MultiPolygon":
-        parts = [_polygon(_list(part), where, notes) for part in coordinates]
+        parts = [_polygon(_list(part, where), where, notes) for part in coordinates]
         shape = _repaired(MultiPolygon(parts), notes)
     elif kind == "LineString":
         shape = LineString(_points(coordinates, 2, where, notes))
@@ -102,26 +103,30 @@ def _polygonal_parts(shape: shapely.Geometry) -> Iterable[Polygon]:
 
 def _points(points: object, least: int, where: str, notes: list[ShapeNote]) -> NDArray[np.float64]:
     """(n, 2) float64; a third coordinate is left out and noted."""
-    rows = [_list(point) for point in _list(points)]
+    rows = [_list(point, where) for point in _list(points, where)]
     if len(rows) < least:
         raise ShapeError(f"{len(rows)} points are too few")
     if any(len(row) < 2 for row in rows):
-        raise ShapeError("a point has fewer than two coordinates")
+        raise InvalidInput("a point has fewer than two coordinates", "Give x and y.", where)
     if any(len(row) > 2 for row in rows):
         notes.append(ShapeNote("note", "heights in coordinates are not used; give `elevation_m`"))
     pairs = [row[:2] for row in rows]
     if any(isinstance(value, bool) or not isinstance(value, int | float) for pair in pairs for value in pair):
-        raise ShapeError("a coordinate is not a number")
+        raise InvalidInput("a coordinate is not a number", "Give numbers.", where)
     try:
         array = np.array(pairs, dtype=np.float64)
     except OverflowError:
         array = np.array([[np.inf, np.inf]])
     if not np.isfinite(array).all():
-        raise InvalidInput("a coordinate is not finite", "Give finite numbers of metres.", where)
+        raise InvalidInput("a coordinate is not finite", "Give finite numbers.", where)
     return array
 
 
-def _list(value: object) -> list[object]:
+def _list(value: object, where: str) -> list[object]:
     if not isinstance(value, list):
-        raise ShapeError("its coordinates are not nested as its type demands")
+        raise InvalidInput(
+            "its coordinates are not nested as its type demands",
+            "A polygon is a list of rings, a ring a list of points.",
+            where,
+        )
     return value

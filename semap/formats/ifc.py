@@ -3,36 +3,43 @@
 IfcBuildingStorey becomes a storey, IfcSpace a Room, IfcDoor a Door, IfcWindow a Window, and whatever lies
 below IfcFurnishingElement Furniture; attributes keep the entity's own class and type. All lengths are
 converted to metres. Bodies stay in their object's own frame; the placement becomes the pose. Rooms get the
-heights of their storey (`semap.formats.storey_band`). Doors join the rooms that the file's space boundaries
-name; where it names none, the rooms are found from the shapes (`semap.formats.adjacency`).
+heights of their storey (`semap.formats.storey_band`), and their bodies keep their own. Doors join the rooms
+that the file's space boundaries name; where it names none, the rooms are found from the shapes
+(`semap.formats.adjacency`). So do stairs, ramps, lifts, openings without doors and virtual boundaries
+(`semap.formats.ifc_ways`).
 """
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from uuid import NAMESPACE_URL, UUID, uuid5
+from uuid import UUID
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from semap.errors import InvalidInput
 from semap.formats.adjacency import joined_rooms
 from semap.formats.ifc_door import door_attributes
-from semap.formats.source import read_ends
-from semap.formats.storey_band import band_by_storey
+from semap.formats.ifc_model import (
+    Entity,
+    Footprint,
+    Placed,
+    band_of,
+    floors_of,
+    footprints_of,
+    library,
+    made_uid,
+    placement,
+    shape_of,
+    storey_of,
+    uid_of,
+    unit_scale,
+)
+from semap.formats.ifc_ways import ways_of
+from semap.formats.source import read_ends, refuse_utf16
 from semap.formats.unique_name import unique_names
-from semap.geometry.outline import outline
-from semap.geometry.pose import pose_from_matrix, transform_points
-from semap.model.building import Building, Finding, HeightBand, Item, Mesh, Storey
-from semap.model.pose import IDENTITY, Pose
-
-Entity = Any
-"""An entity, or a whole file: IfcOpenShell makes their classes at run time."""
+from semap.model.building import Building, Finding, Item, Storey
+from semap.model.pose import IDENTITY
 
 Progress = Callable[[int, int], None]
 """Called with the number of entities done and their total."""
@@ -45,29 +52,9 @@ CONCEPTS = {
 }
 """What entities of a class, or of a class below it, become."""
 
-DEPTH = 32
-"""No sound model nests its spaces deeper; a model whose parts contain each other would never end."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """An entity with its name, its storey and, where its geometry could be made, its body and pose."""
-
-    entity: Entity
-    concept: str
-    name: str
-    storey: Storey | None
-    pose: Pose
-    body: Mesh | None
-
-    def points_m(self) -> NDArray[np.float64]:
-        """Vertices of the body, (n, 3) [m, map frame]; n = 0 without a body."""
-        points_m = np.empty((0, 3)) if self.body is None else self.body.vertices_m
-        return transform_points(self.pose.matrix(), points_m)
-
 
 def read_ifc(path: Path, progress: Progress | None = None) -> Building:
-    """Read storeys, rooms, doors, windows and furniture of a building model.
+    """Read storeys, rooms, doors, windows, furniture and ways of a building model.
 
     raises  NotFound if there is no such file; InvalidInput if it is not IFC, is cut off or has no spaces,
             or if IfcOpenShell is not installed
@@ -80,10 +67,11 @@ def read_ifc(path: Path, progress: Progress | None = None) -> Building:
     findings: list[Finding] = []
     storeys = _storeys(file, findings)
     placed = _place(file, storeys, findings, progress)
-    joins = _joins(placed, findings)
+    footprints = footprints_of(placed, findings)
+    joins = _joins(placed, footprints, findings)
     uids = _uids([each.entity for each in placed], findings)
     elevations_m = [storey.elevation_m for storey in storeys.values()]
-    scales = {unit: _unit_scale(file, unit) for unit in ("LENGTHUNIT", "AREAUNIT")}
+    scales = {unit: unit_scale(file, unit) for unit in ("LENGTHUNIT", "AREAUNIT")}
     items = tuple(
         Item(
             uid=uid,
@@ -93,27 +81,19 @@ def read_ifc(path: Path, progress: Progress | None = None) -> Building:
             storey=None if each.storey is None else each.storey.name,
             pose=each.pose,
             body=each.body,
-            band=_band(each, elevations_m),
+            band=band_of(each, elevations_m),
             joins=joins.get(each.name, ()),
             attributes=_attributes(each, scales),
         )
         for each, uid in zip(placed, uids, strict=True)
     )
-    return Building(tuple(storeys.values()), items, tuple(findings))
-
-
-def _library(name: str = "ifcopenshell") -> Any:
-    # It is large, and most installations never read IFC: it is an extra, imported when it is needed.
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise InvalidInput(
-            "IFC files need IfcOpenShell, which is not installed", "Install it: pip install semap[ifc]"
-        ) from error
+    ways = ways_of(file, placed, storeys, footprints, set(uids), findings)
+    return Building(tuple(storeys.values()), (*items, *ways), tuple(findings))
 
 
 def _open(path: Path) -> Entity:
     head, tail = read_ends(path, 1024)
+    refuse_utf16(head, str(path))
     if b"ISO-10303-21" not in head:
         raise InvalidInput(
             "not an IFC file", "Export the model as IFC in the STEP format (.ifc, not zipped).", str(path)
@@ -121,7 +101,7 @@ def _open(path: Path) -> Entity:
     # IfcOpenShell reads a truncated file without complaint, and rooms would silently be missing.
     if b"END-ISO-10303-21" not in tail:
         raise InvalidInput("the file is cut off", "Copy or export it again.", str(path))
-    ifcopenshell = _library()
+    ifcopenshell = library()
     try:
         return ifcopenshell.open(str(path))
     except (ifcopenshell.Error, RuntimeError, OSError) as error:
@@ -130,18 +110,13 @@ def _open(path: Path) -> Entity:
         ) from error
 
 
-def _unit_scale(file: Entity, unit: str) -> float:
-    """What one unit of the file is in SI units."""
-    return float(_library("ifcopenshell.util.unit").calculate_unit_scale(file, unit))
-
-
 def _storeys(file: Entity, findings: list[Finding]) -> dict[int, Storey]:
     """Storeys by the number of their entity."""
     entities = file.by_type("IfcBuildingStorey")
     wanted = [(entity.Name or entity.LongName or f"Storey {entity.GlobalId}", None) for entity in entities]
     names, renamed = unique_names(wanted)
     findings.extend(renamed)
-    scale = _unit_scale(file, "LENGTHUNIT")
+    scale = unit_scale(file, "LENGTHUNIT")
     uids = _uids(entities, findings)
     return {
         entity.id(): Storey(uid, name, _elevation(entity) * scale)
@@ -154,7 +129,6 @@ def _elevation(storey: Entity) -> float:
 
     IfcBuildingStorey.Elevation counts from the building's own zero, while bodies are placed in the world.
     """
-    placement = _library("ifcopenshell.util.placement").get_local_placement
     if storey.Elevation is None:
         return float(placement(storey.ObjectPlacement)[2, 3])
     parents = (storey.Decomposes[0].RelatingObject,) if storey.Decomposes else ()
@@ -164,26 +138,26 @@ def _elevation(storey: Entity) -> float:
 
 def _place(
     file: Entity, storeys: Mapping[int, Storey], findings: list[Finding], progress: Progress | None
-) -> list[_Placed]:
-    geom = _library("ifcopenshell.geom")
+) -> list[Placed]:
+    geom = library("ifcopenshell.geom")
     settings = geom.settings()
     entities = [(entity, concept) for cls, concept in CONCEPTS.items() for entity in file.by_type(cls)]
-    on = [_storey_of(entity, storeys) for entity, _ in entities]
+    on = [storey_of(entity, storeys) for entity, _ in entities]
     wanted = [
         (_wanted_name(entity), None if storey is None else storey.name)
         for (entity, _), storey in zip(entities, on, strict=True)
     ]
     names, renamed = unique_names(wanted, [storey.name for storey in storeys.values()])
     findings.extend(renamed)
-    placed: list[_Placed] = []
+    placed: list[Placed] = []
     for (entity, concept), storey, name in zip(entities, on, names, strict=True):
         pose, body = IDENTITY, None
         try:
-            pose, body = _shape(geom.create_shape(settings, entity))
+            pose, body = shape_of(geom.create_shape(settings, entity))
         except (RuntimeError, InvalidInput) as error:
             reason = str(error).strip() or "its geometry cannot be made"
             findings.append(Finding("note", name, f"kept without body and pose: {reason}"))
-        placed.append(_Placed(entity, concept, name, storey, pose, body))
+        placed.append(Placed(entity, concept, name, storey, pose, body))
         if progress is not None:
             progress(len(placed), len(entities))
     return placed
@@ -193,47 +167,32 @@ def _wanted_name(entity: Entity) -> str:
     return (entity.Name or getattr(entity, "LongName", None) or f"{entity.is_a()} {entity.GlobalId}").strip()
 
 
-def _shape(shape: Any) -> tuple[Pose, Mesh]:
-    """Pose and body of a tessellated entity; IfcOpenShell gives both in metres."""
-    vertices_m = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
-    faces = np.array(shape.geometry.faces, dtype=np.int64).reshape(-1, 3)
-    if len(faces) == 0 or not np.isfinite(vertices_m).all():
-        raise InvalidInput("its geometry has no surface")
-    map_T_entity = np.array(shape.transformation.matrix, dtype=np.float64).reshape(4, 4).T
-    return pose_from_matrix(map_T_entity), Mesh(vertices_m, faces)
-
-
-def _storey_of(entity: Entity, storeys: Mapping[int, Storey]) -> Storey | None:
-    """The storey that contains an entity, directly or through what it is part of."""
-    element = _library("ifcopenshell.util.element")
-    for _ in range(DEPTH):
-        if entity is None or entity.id() in storeys:
-            break
-        entity = element.get_aggregate(entity) or element.get_container(entity, should_get_direct=True)
-    return None if entity is None else storeys.get(entity.id())
-
-
-def _band(placed: _Placed, elevations_m: Sequence[float]) -> HeightBand | None:
-    """Rooms follow their storey; a door's heights are those of its body."""
-    if placed.body is None or placed.concept != "Room":
-        return None
-    heights_m = placed.points_m()[:, 2]
-    elevation_m = None if placed.storey is None else placed.storey.elevation_m
-    return band_by_storey(float(heights_m.min()), float(heights_m.max()), elevation_m, elevations_m)
-
-
-def _joins(placed: Sequence[_Placed], findings: list[Finding]) -> dict[str, tuple[str, ...]]:
+def _joins(
+    placed: Sequence[Placed], footprints: Mapping[str, Footprint], findings: list[Finding]
+) -> dict[str, tuple[str, ...]]:
     """The rooms on both sides of each door, by the door's name."""
     rooms = {each.entity.id(): each for each in placed if each.concept == "Room"}
     doors = [each for each in placed if each.concept == "Door"]
     joins: dict[str, tuple[str, ...]] = {}
-    unbounded: list[_Placed] = []
+    unbounded: list[Placed] = []
     for door in doors:
         bounded = sorted({rooms[space].name for space in _bounded_spaces(door.entity) if space in rooms})
         joins[door.name] = tuple(bounded)
         if not bounded:
             unbounded.append(door)
-    return joins | _joins_by_shape(unbounded, list(rooms.values()), findings)
+    if not unbounded:
+        return joins
+    findings.append(
+        Finding(
+            "note", f"{len(unbounded)} doors", "the file does not say which rooms they join; found by shape"
+        )
+    )
+    floors = floors_of(placed, footprints)
+    return joins | {
+        door.name: joined_rooms(shapely.MultiPoint(door.points_m()[:, :2]).convex_hull, floors[door.storey])
+        for door in unbounded
+        if door.body is not None
+    }
 
 
 def _bounded_spaces(door: Entity) -> set[int]:
@@ -247,43 +206,17 @@ def _bounded_spaces(door: Entity) -> set[int]:
     }
 
 
-def _joins_by_shape(
-    doors: Sequence[_Placed], rooms: Sequence[_Placed], findings: list[Finding]
-) -> dict[str, tuple[str, ...]]:
-    if not doors:
-        return {}
-    footprints: dict[Storey | None, dict[str, shapely.Polygon | shapely.MultiPolygon]] = {}
-    for room in rooms:
-        try:
-            footprint = None if room.body is None else outline(Mesh(room.points_m(), room.body.faces))
-        except InvalidInput as error:
-            findings.append(Finding("note", room.name, f"its doors cannot be found: {error}"))
-            continue
-        if footprint is not None:
-            footprints.setdefault(room.storey, {})[room.name] = footprint
-    findings.append(
-        Finding("note", f"{len(doors)} doors", "the file does not say which rooms they join; found by shape")
-    )
-    return {
-        door.name: joined_rooms(
-            shapely.MultiPoint(door.points_m()[:, :2]).convex_hull, footprints.get(door.storey, {})
-        )
-        for door in doors
-        if door.body is not None
-    }
-
-
-def _attributes(placed: _Placed, scales: Mapping[str, float]) -> dict[str, object]:
+def _attributes(placed: Placed, scales: Mapping[str, float]) -> dict[str, object]:
     """The entity's identity in the file, its measures where it has them [m, m2], and how a door opens."""
     entity = placed.entity
     attributes: dict[str, object] = {"ifc_global_id": entity.GlobalId, "ifc_class": entity.is_a()}
-    kind = _library("ifcopenshell.util.element").get_type(entity)
+    kind = library("ifcopenshell.util.element").get_type(entity)
     if (named := getattr(kind, "Name", None) or entity.ObjectType) is not None:
         attributes["ifc_type"] = named
     for attribute, key in (("OverallWidth", "width_m"), ("OverallHeight", "height_m")):
         if (value := getattr(entity, attribute, None)) is not None:
             attributes[key] = value * scales["LENGTHUNIT"]
-    quantities = _library("ifcopenshell.util.element").get_psets(entity, qtos_only=True)
+    quantities = library("ifcopenshell.util.element").get_psets(entity, qtos_only=True)
     for names in quantities.values():
         for name, key, unit in (
             ("NetFloorArea", "net_floor_area_m2", "AREAUNIT"),
@@ -300,19 +233,15 @@ def _attributes(placed: _Placed, scales: Mapping[str, float]) -> dict[str, objec
 
 def _uids(entities: Sequence[Entity], findings: list[Finding]) -> tuple[UUID, ...]:
     """Each entity's GlobalId as a UUID, or, where it is malformed or repeated, one made from its place."""
-    guid = _library("ifcopenshell.guid")
     uids: dict[UUID, None] = {}
     for entity in entities:
-        try:
-            uid = UUID(guid.expand(entity.GlobalId))
-        except (ValueError, TypeError, _library().Error):
-            uid = None
+        uid = uid_of(entity)
         if uid is None or uid in uids:
             findings.append(
                 Finding(
                     "repaired", f"{entity.is_a()} #{entity.id()}", "its GlobalId is malformed or repeated"
                 )
             )
-            uid = uuid5(NAMESPACE_URL, f"ifc {entity.GlobalId} {entity.id()}")
+            uid = made_uid(entity)
         uids[uid] = None
     return tuple(uids)

@@ -1,9 +1,10 @@
 """Indoor spaces in IndoorGML (OGC 14-005r5, versions 1.0 to 1.1), XML with geometries in GML.
 
 A cell becomes a Room; a ConnectionSpace or AnchorSpace of the navigation module, or a cell that is called
-a door, becomes a Door. A transition of the dual graph that leads from one room into another becomes an
-Opening that joins them, at the place where the transition passes from one to the other; both directions
-are one opening. A transition between a door's cell and a room says that the door joins the room.
+a door, becomes a Door, a NonNavigableSpace an Obstacle (`semap.formats.indoorgml_cells`). A transition of the
+dual graph that leads from one room into another becomes an Opening that joins them, at the place where the
+transition passes from one to the other; both directions are one opening. A transition between a door's cell
+and a room says that the door joins the room.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from shapely import MultiPolygon, Polygon
 from semap.errors import InvalidInput
 from semap.formats.geojson import NAMESPACE
 from semap.formats.gml_surface import geometry_of, polygons_of, surface_of
-from semap.formats.gml_tree import LINE, by_id, id_of, name_of, parse_xml, text_of
+from semap.formats.gml_tree import LINE, by_id, name_of, parse_xml, text_of
+from semap.formats.indoorgml_cells import cell_elements, concept_of, key_of
 from semap.formats.indoorgml_graph import Passage, passages
 from semap.formats.source import read_bytes
 from semap.formats.unique_name import unique_names
@@ -33,20 +35,7 @@ from semap.geometry.pose import pose_from_yaw
 from semap.model.building import Building, Finding, HeightBand, Item, Mesh, Storey
 from semap.model.pose import IDENTITY, Pose
 
-CELLS = {
-    "CellSpace": "Room",
-    "GeneralSpace": "Room",
-    "TransferSpace": "Room",
-    "TransitionSpace": "Room",
-    "NavigableSpace": "Room",
-    "ConnectionSpace": "Door",
-    "AnchorSpace": "Door",
-}
 GEOMETRIES = ("cellSpaceGeometry", "geometry3D", "Geometry3D", "geometry2D", "Geometry2D")
-CALLED = {
-    "Door": re.compile(r"(door|tür|tuer|porte|puerta)[\s_#:.-]*\d*[a-z]?", re.IGNORECASE),
-    "Window": re.compile(r"(window|fenster|fenêtre|ventana)[\s_#:.-]*\d*[a-z]?", re.IGNORECASE),
-}
 STOREY = re.compile(r"""\b(?:storey|level|floor)\s*=\s*["']?([^"':;,]+)""", re.IGNORECASE)
 DEGREES = re.compile(r"CRS84|(?<!\d)(?:4326|4979|4258|4269)(?!\d)", re.IGNORECASE)
 METRES_OF = {"m": 1.0, "metre": 1.0, "meter": 1.0, "9001": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048}
@@ -96,11 +85,11 @@ def parse_indoorgml(data: bytes, where: str = "") -> Building:
     findings: list[Finding] = []
     scale = _scale(root, where, findings)
     ids = by_id(root)
-    elements = [each for each in root.iter() if name_of(each) in CELLS and id_of(each) is not None]
+    elements = cell_elements(root, ids, findings)
     if not elements:
         raise InvalidInput("there are no cells", "Export the primal space with its CellSpaces.", where)
     cells = _with_unique_names([_cell(each, ids, scale, where, findings) for each in elements], findings)
-    found = passages(root, ids, {cell.key for cell in cells if cell.concept != "Room"}, findings)
+    found = passages(root, ids, {cell.key: cell.concept for cell in cells}, findings)
     joins = _joins(cells, found)
     items = [_item(cell, joins.get(cell.key, ())) for cell in cells]
     items += _openings(cells, found, scale, where, findings)
@@ -137,7 +126,7 @@ def _scale(root: Element, where: str, findings: list[Finding]) -> float:
 def _cell(
     element: Element, ids: Mapping[str, Element], scale: float, where: str, findings: list[Finding]
 ) -> Cell:
-    key = id_of(element) or ""
+    key = key_of(element)
     name = text_of(element, "name") or key
     at = f"{where}:{element.get(LINE)}"
     pose, body, footprint = _geometry(element, ids, scale, at, name, findings)
@@ -152,15 +141,7 @@ def _cell(
     storey = text_of(element, "storey", "level", "floor")
     if storey is None and (described := STOREY.search(text_of(element, "description") or "")):
         storey = described[1].strip() or None
-    concept = next(
-        (
-            called
-            for called, pattern in CALLED.items()
-            if any(pattern.fullmatch(text) for text in (name, text_of(element, "class") or ""))
-        ),
-        CELLS[name_of(element)],
-    )
-    return Cell(key, name, concept, storey, pose, body, footprint, attributes)
+    return Cell(key, name, concept_of(element, name), storey, pose, body, footprint, attributes)
 
 
 def _geometry(

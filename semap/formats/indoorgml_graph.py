@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from semap.formats.gml_surface import geometry_of, polygons_of
 from semap.formats.gml_tree import LINE, child, children, id_of, name_of, points_of, referred, text_of
+from semap.formats.indoorgml_cells import OBSTACLE, ROOM, key_of
 from semap.model.building import Finding
 
 SAME_DIGITS = 6
@@ -68,32 +70,37 @@ class Passage:
 
 
 def passages(
-    root: Element, ids: Mapping[str, Element], doors: Collection[str], findings: list[Finding]
+    root: Element, ids: Mapping[str, Element], concepts: Mapping[str, str], findings: list[Finding]
 ) -> tuple[Passage, ...]:
     """Every passage between two cells, once.
 
-    doors     keys of the cells that are doors
+    concepts  what each cell is, by its key
     findings  gets what was left out and why
     """
     cells = _cells_of_states(root, ids)
     found: dict[tuple[object, ...], Passage] = {}
-    lost, repeated, between_doors = 0, 0, 0
+    left_out: Counter[str] = Counter()
     for transition in (each for each in root.iter() if name_of(each) == "Transition"):
         ends = sorted(
-            cells[id_of(state) or ""]
+            cell
             for link in children(transition, "connects")
-            if (state := referred(link, ids)) is not None and (id_of(state) or "") in cells
+            if (state := referred(link, ids)) is not None
+            and (cell := cells.get(id_of(state) or "", "")) in concepts
         )
         if len(ends) != 2 or ends[0] == ends[1]:
-            lost += 1
+            left_out["they do not connect two cells of this file"] += 1
             continue
-        if ends[0] in doors and ends[1] in doors:
-            between_doors += 1
+        kinds = {concepts[end] for end in ends}
+        if OBSTACLE in kinds:
+            left_out["they lead into what nobody can pass"] += 1
+            continue
+        if ROOM not in kinds:
+            left_out["they lead from one door into another"] += 1
             continue
         boundary = _dual(transition, ids)
         mark = (*ends, None if boundary is None else id_of(boundary), *_line(transition))
         if mark in found:
-            repeated += 1
+            left_out["they lead back along another one, which is kept"] += 1
             continue
         found[mark] = Passage(
             id_of(transition) or f"transition {len(found)}",
@@ -104,13 +111,10 @@ def passages(
             boundary,
             ids,
         )
-    for count, reason in (
-        (lost, "left out: they do not connect two cells of this file"),
-        (repeated, "left out: they lead back along another one, which is kept"),
-        (between_doors, "left out: they lead from one door into another"),
-    ):
-        if count:
-            findings.append(Finding("note", f"{count} transition{'s' if count > 1 else ''}", reason))
+    for reason, count in left_out.items():
+        findings.append(
+            Finding("note", f"{count} transition{'s' if count > 1 else ''}", f"left out: {reason}")
+        )
     return tuple(found.values())
 
 
@@ -118,13 +122,13 @@ def _cells_of_states(root: Element, ids: Mapping[str, Element]) -> dict[str, str
     """Keys of cells by keys of states: by the state's duality, else by the cell's."""
     cells: dict[str, str] = {}
     for element in root.iter():
-        key, dual = id_of(element), _dual(element, ids)
-        if key is None or dual is None or id_of(dual) is None:
+        dual = _dual(element, ids)
+        if dual is None:
             continue
         if name_of(element) == "State":
-            cells[key] = id_of(dual) or ""
+            cells[id_of(element) or ""] = key_of(dual)
         elif name_of(dual) == "State":
-            cells.setdefault(id_of(dual) or "", key)
+            cells.setdefault(id_of(dual) or "", key_of(element))
     return cells
 
 

@@ -17,9 +17,9 @@ from semap.formats.map_shape import POSE_FIELDS, read_area, read_geometry, read_
 from semap.formats.occupancy_grid import read_grid
 from semap.formats.yaml_node import Node
 from semap.geometry.prism import extrude
+from semap.model.anchor import Anchor
 from semap.model.building import HeightBand, Mesh
 from semap.model.map_document import (
-    Anchor,
     ConceptEntry,
     DescriptionEntry,
     FrameEntry,

@@ -25,12 +25,14 @@ from semap.errors import InvalidInput, SemapError, TooLarge
 from semap.formats.collada import read_dae
 from semap.formats.mesh_part import SMALLER, FaceCount, MeshParts, placed
 from semap.formats.mesh_preflight import is_binary_stl, preflight, refuse_archives
+from semap.formats.source import refuse_utf16
 from semap.formats.three_mf import read_3mf
 from semap.geometry.pose import transform_points
 from semap.geometry.repair import repaired
 from semap.geometry.tin import merge_points
 from semap.model.building import Finding, Mesh
 
+TEXTS = ("obj", "off", "ply", "gltf")
 FILE_TYPES = ("glb", "gltf", "obj", "ply", "stl", "off", "dae", "3mf")
 MAX_BYTES = 256 * 1024**2
 MAX_FACES = 4_000_000
@@ -93,6 +95,8 @@ def read_mesh_file(
     if len(data) > max_bytes:
         raise TooLarge(f"The mesh has {len(data)} bytes; the limit is {max_bytes}.", SMALLER)
     refuse_archives(data, kind)
+    if kind in TEXTS:
+        refuse_utf16(data, f"the {kind} file")
     parts = _read_parts(data, kind, max_faces)
     if not parts.meshes:
         raise InvalidInput(

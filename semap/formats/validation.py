@@ -1,6 +1,7 @@
 """What is doubtful about a building: exports of planning programs are often shifted or incomplete.
 
-Nothing is changed and nothing refused; each doubt is a finding that says what to look at.
+Nothing is changed; each doubt is a finding that says what to look at. Only what lies beyond any place on
+earth is refused.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, STRtree
 
 from semap.errors import InvalidInput
+from semap.formats.refusals import Refusals
+from semap.geometry.abstractions import FARTHEST_M
 from semap.geometry.outline import outline
 from semap.geometry.pose import transform_mesh, transform_points
 from semap.model.building import Building, Finding, HeightBand, Item, Storey
@@ -24,13 +27,29 @@ OVERLAP_M = 0.01
 """Rooms overlap if they share more area than this, and more height."""
 
 HUGE_M = 10_000.0
+HUGE_ROOM_M = 300.0
+"""Half of the rooms are as wide as that in no building."""
+
 TINY_M = 1.0
 FAR_M = 10_000.0
 BELOW_STOREY_M = 1.0
 """How far a storey's rooms may begin below its elevation, sunken floors included."""
 
-NAMED_AT_MOST = 20
-"""Of one kind of doubt; the rest is counted."""
+
+def refuse_far(building: Building, where: str) -> None:
+    """raises  InvalidInput if something lies farther from the origin than any place on earth"""
+    wrong = Refusals()
+    for place, item in enumerate(building.items):
+        with wrong.of_part(place):
+            reach_m = float(np.abs(_corners([item])).max(initial=0))
+            reach_m = max(reach_m, *(abs(each) for each in (item.pose.x_m, item.pose.y_m, item.pose.z_m)))
+            if not reach_m <= FARTHEST_M:
+                raise InvalidInput(
+                    f"it lies {reach_m:.3g} m from the origin, where nothing can be",
+                    "Mind the unit, and shift the building to an origin of its own.",
+                    repr(item.name),
+                )
+    wrong.raise_if_any("things", where)
 
 
 def doubts(building: Building) -> tuple[Finding, ...]:
@@ -43,23 +62,15 @@ def doubts(building: Building) -> tuple[Finding, ...]:
     outlines = {place: area for place, item in enumerate(rooms) if (area := _outline(item)) is not None}
     corners_m = _corners(building.items)
     kinds: Sequence[Iterator[Finding]] = (
+        _size(corners_m, list(outlines.values())),
         _repeated_names(building),
         _without_geometry(rooms),
         _overlaps(rooms, outlines),
         _joins(building.items),
-        _size(corners_m),
         _shift(corners_m),
         _storeys(building.storeys, rooms),
     )
-    return tuple(finding for kind in kinds for finding in _at_most(list(kind)))
-
-
-def _at_most(found: list[Finding]) -> list[Finding]:
-    left = len(found) - NAMED_AT_MOST
-    if left <= 0:
-        return found
-    kept = found[:NAMED_AT_MOST]
-    return [*kept, Finding("note", f"{left} more", f"as {kept[-1].subject}: {kept[-1].reason}")]
+    return tuple(finding for kind in kinds for finding in kind)
 
 
 def _repeated_names(building: Building) -> Iterator[Finding]:
@@ -87,7 +98,7 @@ def _overlaps(rooms: Sequence[Item], outlines: Mapping[int, Polygon | MultiPolyg
             continue
         area_m2 = shapes[i].intersection(shapes[j]).area
         if area_m2 > OVERLAP_M2:
-            reason = f"it overlaps {other.name} by {area_m2:.2f} m2; who is there is in both"
+            reason = f"it overlaps {other.name!r} by {area_m2:.2f} m2; who is there is in both"
             yield Finding("note", one.name, reason)
 
 
@@ -99,12 +110,21 @@ def _joins(items: Sequence[Item]) -> Iterator[Finding]:
             yield Finding("note", item.name, f"it joins {len(item.joins)} rooms; all are kept")
 
 
-def _size(corners_m: NDArray[np.float64]) -> Iterator[Finding]:
+def _size(corners_m: NDArray[np.float64], outlines: Sequence[Polygon | MultiPolygon]) -> Iterator[Finding]:
     if len(corners_m) < 2:
         return
     extent_m = float(np.ptp(corners_m[:, :2], axis=0).max())
-    if extent_m > HUGE_M:
-        yield Finding("note", "units", f"the building is {extent_m:.3g} m wide; is it in cm or mm?")
+    bounds_m = shapely.bounds(np.array(outlines, dtype=object)).reshape(-1, 4)
+    widths_m = np.maximum(bounds_m[:, 2] - bounds_m[:, 0], bounds_m[:, 3] - bounds_m[:, 1])
+    room_m = float(np.median(widths_m)) if len(widths_m) else 0.0
+    if extent_m > HUGE_M or room_m > HUGE_ROOM_M:
+        what = f"its rooms {room_m:.3g} m" if room_m > HUGE_ROOM_M else "no building is so wide"
+        yield Finding(
+            "note",
+            "units",
+            f"the building is {extent_m:.3g} m wide, {what}; is it in cm or mm? Scale it to metres, and"
+            " import it again",
+        )
     elif 0 < extent_m < TINY_M:
         yield Finding("note", "units", f"the building is {extent_m:.2g} m wide; is it in km or degrees?")
 
@@ -129,7 +149,7 @@ def _storeys(storeys: Sequence[Storey], rooms: Sequence[Item]) -> Iterator[Findi
         other = by_elevation.setdefault(storey.elevation_m, storey.name)
         if other != storey.name:
             yield Finding(
-                "note", storey.name, f"it has the same elevation as {other}: {storey.elevation_m:g} m"
+                "note", storey.name, f"it has the same elevation as {other!r}: {storey.elevation_m:g} m"
             )
     ordered = sorted(storeys, key=lambda storey: storey.elevation_m)
     above_of = {one.name: other.elevation_m for one, other in pairwise(ordered)}

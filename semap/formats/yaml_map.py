@@ -14,10 +14,10 @@ from semap.errors import NotFound
 from semap.formats import map_sections as sections_of
 from semap.formats.map_draft import ROOT, Draft
 from semap.formats.map_folder import replace_file
-from semap.formats.map_short import read_short_form
+from semap.formats.map_short import DOOR_FIELDS, STOREY_FIELDS, THING_FIELDS, read_short_form
 from semap.formats.map_writing import MARK, map_files
 from semap.formats.source import read_bytes
-from semap.formats.yaml_node import Node, parse_yaml
+from semap.formats.yaml_node import ANY_KEY, Node, Shape, parse_yaml
 from semap.model.map_document import FrameEntry, MapDocument, QueryEntry, RuleEntry
 
 FILE = "map.yaml"
@@ -34,6 +34,18 @@ FULL: dict[str, Callable[[Node, Draft], None]] = {
     "grids": sections_of.read_grids,
 }
 HEAD = ("semap_map", "map", "cell_m", "anchor")
+SHAPE: Shape = (
+    dict.fromkeys(HEAD)
+    | {key: {ANY_KEY: None} for key in (*FULL, *SHORT)}
+    | {
+        "storeys": {ANY_KEY: dict.fromkeys(STOREY_FIELDS)},
+        "rooms": {ANY_KEY: dict.fromkeys(THING_FIELDS)},
+        "doors": {ANY_KEY: dict.fromkeys(DOOR_FIELDS)},
+        "things": {ANY_KEY: dict.fromkeys(THING_FIELDS)},
+        "frames": {ANY_KEY: dict.fromkeys(sections_of.FRAME_FIELDS)},
+        "instances": {ANY_KEY: dict.fromkeys(sections_of.INSTANCE_FIELDS)},
+    }
+)
 
 DEFAULT_QUERY = QueryEntry("track_in_room", "contains", "Room")
 DEFAULT_RULE = RuleEntry(
@@ -54,7 +66,7 @@ def read_map(path: Path) -> MapDocument:
     file = path / FILE if path.is_dir() else path
     if not file.is_file():
         raise NotFound("map", path, f"Give a folder with a {FILE}, or a .yaml file.")
-    root = parse_yaml(read_bytes(file), str(file))
+    root = parse_yaml(read_bytes(file), str(file), SHAPE)
     fields = root.fields((*HEAD, *FULL, *SHORT))
     if "semap_map" in fields and fields["semap_map"].whole() != VERSION:
         raise fields["semap_map"].wrong(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -18,6 +18,7 @@ from uuid import UUID
 import yaml
 
 from semap.errors import InvalidInput
+from semap.formats.source import utf8
 
 MAX_BYTES = 64 * 1024**2
 MAX_DEPTH = 64
@@ -34,6 +35,12 @@ RESOLVED = {
         list("-+.0123456789"),
     ),
 }
+
+NO_MAPPING = ("a mapping is needed here", "Write `key: value` pairs, indented below.")
+ANY_KEY = "*"
+
+Shape: TypeAlias = Mapping[str, "Shape | None"]
+"""A mapping of these keys, or of any, whose values have shapes themselves; None: whatever there is."""
 
 Scalar: TypeAlias = str | int | float | bool | None
 
@@ -77,7 +84,7 @@ class Node:
         if self.is_missing:
             return {}
         if not isinstance(self.value, Mapping):
-            raise self.wrong("a mapping is needed here", "Write `key: value` pairs, indented below.")
+            raise self.wrong(*NO_MAPPING)
         return self.value
 
     def fields(self, allowed: Iterable[str]) -> Mapping[str, Node]:
@@ -88,9 +95,7 @@ class Node:
         names = sorted(allowed)
         for key in self.mapping():
             if key not in names:
-                near = difflib.get_close_matches(key, names, 1)
-                remedy = f"Did you mean `{near[0]}`?" if near else f"The keys here are {', '.join(names)}."
-                raise InvalidInput(f"there is no key {key!r} here", remedy, self.keys[key])
+                raise _unknown(key, names, self.keys[key])
         return {key: node for key, node in self.mapping().items() if not node.is_missing}
 
     def sequence(self, least: int = 0, most: int | None = None) -> tuple[Node, ...]:
@@ -179,20 +184,19 @@ class Node:
         return self.value
 
 
-def parse_yaml(data: bytes, name: str) -> Node:
+def parse_yaml(data: bytes, name: str, shape: Shape | None = None) -> Node:
     """The one document of a YAML file in UTF-8.
 
     name    names the file in errors
-    raises  InvalidInput if it is no YAML, is too large, repeats a key, or makes objects
+    shape   what the document is known to be: a large file that is something else is refused where it begins
+    raises  InvalidInput if it is no YAML, is too large, repeats a key, makes objects, or has another shape
     """
     if len(data) > MAX_BYTES:
         raise InvalidInput(
             f"{len(data)} bytes of YAML", f"Keep it below {MAX_BYTES}; meshes lie beside it.", name
         )
     try:
-        text = data.decode("utf-8-sig")
-        _refuse_depth(text, name)
-        root = yaml.compose(text, Loader=_Loader)
+        return _Reading(name, utf8(data, name)).document(shape)
     except yaml.MarkedYAMLError as error:
         where = name if error.problem_mark is None else _where(name, error.problem_mark)
         raise InvalidInput(
@@ -200,78 +204,113 @@ def parse_yaml(data: bytes, name: str) -> Node:
         ) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InvalidInput(f"not YAML: {error}", "Give a YAML file in UTF-8.", name) from error
-    if root is None:
-        raise InvalidInput("the file says nothing", "Write at least `map: NAME`.", name)
-    return _Reading(name).node(root, 0)[0]
-
-
-def _refuse_depth(text: str, name: str) -> None:
-    """The composer calls itself for each level, in C, where a stack that is full ends the process."""
-    depth = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            raise InvalidInput("it is nested too deeply", "Write it out.", _where(name, event.start_mark))
 
 
 def _where(name: str, mark: Any) -> str:
     return f"{name}:{mark.line + 1}:{mark.column + 1}"
 
 
-class _Reading:
-    """Makes nodes of one file; an alias gives the node that is there already, and its weight is counted."""
+def _unknown(key: str, names: Sequence[str], where: str) -> InvalidInput:
+    near = difflib.get_close_matches(key, names, 1)
+    remedy = f"Did you mean `{near[0]}`?" if near else f"The keys here are {', '.join(names)}."
+    return InvalidInput(f"there is no key {key!r} here", remedy, where)
 
-    def __init__(self, name: str) -> None:
+
+class _Reading:
+    """Makes nodes from the events of one file, as they come: what is wrong ends it there.
+
+    An alias gives the node that is there already, and its weight (how many values it has) is counted.
+    """
+
+    def __init__(self, name: str, text: str) -> None:
         self.name = name
-        self.known: dict[int, tuple[Node, int]] = {}
-        self.open: set[int] = set()
+        self.loader = _Loader(text)
+        self.known: dict[str, tuple[Node, int] | None] = {}
         self.repeated = 0
 
-    def node(self, raw: Any, depth: int) -> tuple[Node, int]:
+    def document(self, shape: Shape | None) -> Node:
+        self._next()  # the beginning of the stream
+        if isinstance(self._next(), yaml.StreamEndEvent):
+            raise InvalidInput("the file says nothing", "Write at least `map: NAME`.", self.name)
+        root, _ = self._node(self._next(), 0, shape)
+        self._next()  # the end of the document
+        if not isinstance(event := self._next(), yaml.StreamEndEvent):
+            raise InvalidInput("a second document", "Give one.", _where(self.name, event.start_mark))
+        return root
+
+    def _next(self) -> Any:
+        return self.loader.get_event()
+
+    def _node(self, event: Any, depth: int, shape: Shape | None) -> tuple[Node, int]:
         """A node and how many values it has, itself included."""
-        where = _where(self.name, raw.start_mark)
-        if id(raw) in self.known:
-            self.repeated += self.known[id(raw)][1]
-            if self.repeated > MAX_REPEATED:
-                raise InvalidInput("aliases repeat too much", "Write it out, or use a blueprint.", where)
-            return self.known[id(raw)]
-        if id(raw) in self.open or depth > MAX_DEPTH:
-            raise InvalidInput("it is nested too deeply, or contains itself", "Write it out.", where)
-        self.open.add(id(raw))
-        if isinstance(raw, yaml.MappingNode):
-            made = self._mapping(raw, where, depth)
-        elif isinstance(raw, yaml.SequenceNode):
-            self._refuse_tag(raw, "seq", where)
-            parts = [self.node(part, depth + 1) for part in raw.value]
-            made = Node(tuple(part for part, _ in parts), "", where), 1 + sum(count for _, count in parts)
+        where = _where(self.name, event.start_mark)
+        if isinstance(event, yaml.AliasEvent):
+            return self._repeated(event, where)
+        if depth > MAX_DEPTH:
+            raise InvalidInput("it is nested too deeply", "Write it out.", where)
+        if event.anchor is not None:
+            self.known[event.anchor] = None
+        if isinstance(event, yaml.MappingStartEvent):
+            made = self._mapping(event, where, depth, shape)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            if shape is not None:
+                raise Node((), "", where).wrong(*NO_MAPPING)
+            made = self._sequence(event, where, depth)
         else:
-            made = Node(self._scalar(raw, where), raw.value, where), 1
-        self.open.remove(id(raw))
-        self.known[id(raw)] = made
+            made = Node(self._scalar(event, where), event.value, where), 1
+        if event.anchor is not None:
+            self.known[event.anchor] = made
         return made
 
-    def _mapping(self, raw: Any, where: str, depth: int) -> tuple[Node, int]:
-        self._refuse_tag(raw, "map", where)
+    def _repeated(self, event: Any, where: str) -> tuple[Node, int]:
+        if event.anchor not in self.known:
+            raise InvalidInput(f"there is no anchor &{event.anchor} before", "Define it first.", where)
+        found = self.known[event.anchor]
+        if found is None:
+            raise InvalidInput("it is nested too deeply, or contains itself", "Write it out.", where)
+        self.repeated += found[1]
+        if self.repeated > MAX_REPEATED:
+            raise InvalidInput("aliases repeat too much", "Write it out, or use a blueprint.", where)
+        return found
+
+    def _sequence(self, event: Any, where: str, depth: int) -> tuple[Node, int]:
+        self._refuse_tag(event, "seq", where)
+        parts: list[Node] = []
+        weight = 1
+        while not isinstance(event := self._next(), yaml.SequenceEndEvent):
+            part, count = self._node(event, depth + 1, None)
+            parts.append(part)
+            weight += count
+        return Node(tuple(parts), "", where), weight
+
+    def _mapping(self, event: Any, where: str, depth: int, shape: Shape | None) -> tuple[Node, int]:
+        self._refuse_tag(event, "map", where)
         parts: dict[str, Node] = {}
         keys: dict[str, str] = {}
         weight = 1
-        for key, value in raw.value:
-            at = _where(self.name, key.start_mark)
-            if not isinstance(key, yaml.ScalarNode):
+        while not isinstance(event := self._next(), yaml.MappingEndEvent):
+            at = _where(self.name, event.start_mark)
+            if not isinstance(event, yaml.ScalarEvent):
                 raise InvalidInput("a key that is not a word", "Write `word: value`.", at)
-            if key.value in parts:
+            key = event.value
+            if key in parts:
                 raise InvalidInput(
-                    f"the key {key.value!r} is there twice (before: {keys[key.value]})",
+                    f"the key {key!r} is there twice (before: {keys[key]})",
                     "Remove one, or give it another name.",
                     at,
                 )
-            keys[key.value] = at
-            parts[key.value], count = self.node(value, depth + 1)
+            if shape is not None and key not in shape and ANY_KEY not in shape:
+                raise _unknown(key, sorted(shape), at)
+            within = None if shape is None else shape.get(key, shape.get(ANY_KEY))
+            keys[key] = at
+            parts[key], count = self._node(self._next(), depth + 1, within)
             weight += count
         return Node(parts, "", where, keys), weight
 
-    def _scalar(self, raw: Any, where: str) -> Scalar:
-        kind, text = raw.tag.removeprefix(TAG), raw.value
+    def _scalar(self, event: Any, where: str) -> Scalar:
+        text = event.value
+        tag = event.tag or self.loader.resolve(yaml.ScalarNode, text, event.implicit)
+        kind = tag.removeprefix(TAG)
         if kind == "str":
             if "\0" in text:
                 raise InvalidInput("a text with the character NUL", "Remove it.", where)
@@ -287,8 +326,10 @@ class _Reading:
                 return float(text.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError as error:
             raise InvalidInput(f"{text[:40]!r} is no {kind}", "Put texts in quotes.", where) from error
-        raise InvalidInput(f"the tag {raw.tag} is not known", "Write plain values, without tags.", where)
+        raise InvalidInput(f"the tag {tag} is not known", "Write plain values, without tags.", where)
 
-    def _refuse_tag(self, raw: Any, kind: str, where: str) -> None:
-        if raw.tag != TAG + kind:
-            raise InvalidInput(f"the tag {raw.tag} is not known", "Write plain values, without tags.", where)
+    def _refuse_tag(self, event: Any, kind: str, where: str) -> None:
+        if event.tag not in (None, TAG + kind):
+            raise InvalidInput(
+                f"the tag {event.tag} is not known", "Write plain values, without tags.", where
+            )

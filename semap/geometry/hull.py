@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from semap.geometry.projection import cross_3d
 from semap.model.building import Mesh
 
 FLAT = 1e-9
@@ -49,9 +50,9 @@ def centroid(hull: Mesh) -> NDArray[np.float64]:
     """The centre (3,) of the volume of a closed mesh, or of its area where it has no volume [m]."""
     origin = hull.vertices_m[hull.faces[0, 0]]
     a, b, c = (hull.vertices_m[hull.faces[:, i]] - origin for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross_3d(b - a, c - a)
     areas = np.linalg.norm(normals, axis=1)
-    volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+    volumes = np.einsum("ij,ij->i", a, cross_3d(b, c))
     extent_m = float(np.ptp(hull.vertices_m, axis=0).max())
     if volumes.sum() > FLAT * extent_m * areas.sum():
         shift: NDArray[np.float64] = volumes @ (a + b + c) / (4 * volumes.sum())
@@ -69,7 +70,7 @@ def is_convex(mesh: Mesh) -> bool:
     """
     for face in mesh.faces[:: max(1, len(mesh.faces) // SAMPLES)]:
         a, b, c = mesh.vertices_m[face]
-        height = (mesh.vertices_m - a) @ np.cross(b - a, c - a)
+        height = (mesh.vertices_m - a) @ cross_3d(b - a, c - a)
         if height.max() > 1e-9 * -height.min():
             return False
     start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
@@ -83,7 +84,7 @@ def is_convex(mesh: Mesh) -> bool:
     if not np.array_equal(keys[first] + 1, keys[second]):
         return False
     a, b, c = (mesh.vertices_m[mesh.faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross_3d(b - a, c - a)
     above = np.roll(mesh.faces, 1, axis=1).ravel()[second]
     lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
     height = np.einsum(
@@ -114,7 +115,7 @@ def _basis(
     if width_m <= limit_m:
         return None
     across = across / width_m
-    normal = np.cross(along, across)
+    normal = cross_3d(along, across)
     is_flat = float(np.abs(offsets @ normal).max()) <= limit_m
     return along, across, normal, is_flat
 
@@ -124,7 +125,7 @@ def _two_sided(
 ) -> Mesh:
     from scipy.spatial import ConvexHull  # noqa: PLC0415  slow to import
 
-    flat = (points_m - points_m[0]) @ np.column_stack([np.cross(across, normal), across])
+    flat = (points_m - points_m[0]) @ np.column_stack([cross_3d(across, normal), across])
     ring = ConvexHull(flat).vertices
     corner = np.arange(1, len(ring) - 1)
     fan = np.column_stack([np.zeros_like(corner), corner, corner + 1])
@@ -137,7 +138,7 @@ def _solid(points_m: NDArray[np.float64]) -> Mesh:
     found = ConvexHull(points_m - points_m[0])
     faces = found.simplices.astype(np.int64)
     a, b, c = (points_m[faces[:, i]] for i in range(3))
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) < 0
+    inwards = np.einsum("ij,ij->i", cross_3d(b - a, c - a), found.equations[:, :3]) < 0
     faces[inwards] = faces[inwards, ::-1]
     if not _is_closed(faces):
         faces = _rewound(faces, found.neighbors)

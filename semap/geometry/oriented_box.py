@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from semap.geometry.projection import cross_3d
 from semap.model.building import Mesh
 
 FACES_TRIED = 400
@@ -22,6 +23,9 @@ VERTICES_TRIED = 3_000
 """A hull of more vertices is tried by those that are extreme for the faces tried."""
 
 EQUAL = 1e-9
+
+UPRIGHT = 1e-12
+"""Faces whose unit normals are so near to vertical or horizontal are floors, ceilings and walls."""
 
 BOX_FACES = np.array(
     [
@@ -126,25 +130,29 @@ def smallest_box(hull: Mesh) -> Mesh:
 def _normals(hull: Mesh) -> NDArray[np.float64]:
     """Unit normals (k, 3): the vertical, then those of the largest faces, one of each direction."""
     corners_m = hull.vertices_m[hull.faces]
-    normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    normals = cross_3d(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     areas = np.linalg.norm(normals, axis=1)
     largest = np.argsort(-areas, kind="stable")[: 4 * FACES_TRIED]
     largest = largest[areas[largest] > 0]
-    units = normals[largest] / areas[largest, None]
-    kept: list[int] = []
-    for place in range(len(units)):
-        if len(kept) == FACES_TRIED:
+    units = np.concatenate([[[0.0, 0.0, 1.0]], normals[largest] / areas[largest, None]])
+    up, aside = np.abs(units[:, 2]), np.hypot(units[:, 0], units[:, 1])
+    if np.minimum(up, aside).max() < UPRIGHT < aside.max() and aside[1:].min() < UPRIGHT:
+        # A prism: from each side it is a rectangle that stands upright, and those are found from above.
+        return units[:1]
+    kept = [0]
+    for place in range(1, len(units)):
+        if len(kept) > FACES_TRIED:
             break
-        if not kept or np.abs(units[kept] @ units[place]).max() < 1 - 1e-12:
+        if np.abs(units[kept] @ units[place]).max() < 1 - 1e-12:
             kept.append(place)
-    return np.concatenate([[[0.0, 0.0, 1.0]], units[kept]])
+    return units[kept]
 
 
 def _frame(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """A rotation (3, 3) whose third column is the normal."""
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across = cross_3d(normal, np.eye(3)[np.argmin(np.abs(normal))])
     across /= np.linalg.norm(across)
-    return np.column_stack([across, np.cross(normal, across), normal])
+    return np.column_stack([across, cross_3d(normal, across), normal])
 
 
 def _ring(points_m: NDArray[np.float64]) -> NDArray[np.float64]:

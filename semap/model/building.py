@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
+from semap.model.anchor import Anchor
 from semap.model.pose import IDENTITY, Pose
 
 
@@ -80,8 +81,12 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """All that one file says, with what had to be repaired or skipped."""
+    """All that one file says, with what had to be repaired or skipped.
+
+    anchor  where its coordinates lie on the earth; None: the file does not say
+    """
 
     storeys: tuple[Storey, ...]
     items: tuple[Item, ...]
     findings: tuple[Finding, ...] = ()
+    anchor: Anchor | None = None

@@ -15,17 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
+from semap.model.anchor import Anchor
 from semap.model.building import HeightBand
 from semap.model.pose import IDENTITY, Pose
 from semap.model.source_geometry import SourceGeometry
-
-
-@dataclass(frozen=True)
-class Anchor:
-    """Where a map lies on the earth: `pose` is earth_T_map in the metric system `epsg`."""
-
-    epsg: int
-    pose: Pose = IDENTITY
 
 
 @dataclass(frozen=True)

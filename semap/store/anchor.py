@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import shapely
+from shapely.affinity import translate
 from sqlalchemy import Connection, delete, select, text
 from sqlalchemy.dialects.postgresql import insert
 
 from semap.errors import Conflict, DatabaseError, InvalidInput
 from semap.geometry.ewkb import from_ewkb, to_ewkb
-from semap.model.building import Mesh
-from semap.model.map_document import Anchor
-from semap.model.pose import Pose
+from semap.model.anchor import Anchor
+from semap.model.building import Building, Mesh
+from semap.model.pose import IDENTITY, Pose
 from semap.model.source_geometry import PolygonMesh
 from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.placement import PARTS, normalised
-from semap.store.tables import map_anchor
+from semap.store.tables import instance, map_anchor
 
 Placeable: TypeAlias = shapely.Geometry | Mesh | PolygonMesh
 
@@ -67,6 +69,50 @@ def set_anchor(connection: Connection, map_name: str, anchor: Anchor) -> None:
             .values(map_id=map_id, **values)
             .on_conflict_do_update(index_elements=["map_id"], set_=values)
         )
+
+
+def place_on_earth(connection: Connection, map_name: str, building: Building) -> Building:
+    """A building in the frame of its map, which is anchored where the building lies if it is new.
+
+    raises  NotFound; Conflict if the map has things and no anchor, or one in another system, or turned
+    """
+    wanted = building.anchor
+    if wanted is None:
+        return building
+    known = read_anchor(connection, map_name)
+    if known is None:
+        with translated():
+            is_used = connection.scalar(
+                select(instance.c.instance_id)
+                .where(instance.c.map_id == map_id_of(connection, map_name))
+                .limit(1)
+            )
+        if is_used is not None:
+            raise Conflict(
+                f"The building is given in degrees, and the map {map_name} has no anchor on the earth.",
+                f"Import it into another map, or anchor this one: `semap map anchor {map_name} --epsg ...`.",
+            )
+        set_anchor(connection, map_name, wanted)
+        return building
+    if known.epsg != wanted.epsg or replace(known.pose, x_m=0, y_m=0, z_m=0) != IDENTITY:
+        raise Conflict(
+            f"The map {map_name} is turned, or lies in EPSG:{known.epsg}, and the building in"
+            f" EPSG:{wanted.epsg}.",
+            "Import it into another map, or give its coordinates in metres of this one.",
+        )
+    return _shifted(building, wanted.pose.x_m - known.pose.x_m, wanted.pose.y_m - known.pose.y_m)
+
+
+def _shifted(building: Building, x_m: float, y_m: float) -> Building:
+    items = tuple(
+        replace(
+            item,
+            pose=replace(item.pose, x_m=item.pose.x_m + x_m, y_m=item.pose.y_m + y_m),
+            footprint=None if item.footprint is None else translate(item.footprint, x_m, y_m),
+        )
+        for item in building.items
+    )
+    return replace(building, items=items)
 
 
 def on_earth(

@@ -19,8 +19,10 @@ from sqlalchemy import Connection, or_, select, text
 from semap.errors import Conflict, InvalidInput
 from semap.geometry.abstractions import Abstraction, derive
 from semap.model.building import Building, Finding, Item, Storey
+from semap.model.folding import folded
 from semap.model.pose import Pose
 from semap.model.source_geometry import SourceGeometry
+from semap.store.anchor import place_on_earth
 from semap.store.concept import check_attributes, ensure_concepts
 from semap.store.database import translated
 from semap.store.description import insert_descriptions, sources_of, write_descriptions
@@ -94,10 +96,11 @@ def import_building(
 ) -> ImportReport:
     """Bring all storeys and items of a building into a map.
 
-    raises  NotFound if there is no such map, Conflict if a name or uid is on the map already,
-            InvalidInput if a name or uid occurs twice in the building
+    raises  NotFound if there is no such map, Conflict if a name or uid is on the map already, or if the map
+            lies elsewhere on the earth, InvalidInput if a name or uid occurs twice in the building
     """
     map_id = map_id_of(connection, map_name)
+    building = place_on_earth(connection, map_name, building)
     _require_new(connection, map_id, map_name, building)
     described, notes = _describe_all(building.items, progress)
     wanted = {STOREY, *(item.concept for item in building.items)}
@@ -112,7 +115,7 @@ def import_building(
         map_name,
         dict(sorted(concepts.items())),
         dict(sorted(doors.items())),
-        (*building.findings, *notes),
+        folded((*building.findings, *notes)),
     )
 
 

@@ -28,6 +28,7 @@ IS_PLACED = text("""
 """)
 ABOVE = instance.alias("storey")
 PARENT = frame.alias("parent")
+SOLID = abstraction.alias("solid")
 BODIES = ("TRIANGLEMESH3D", "POLYGONMESH3D")
 
 
@@ -50,7 +51,8 @@ class InstanceDetail:
 
     pose       map_T_instance; None: its frame hangs under another root than `map`, or was nowhere yet
     footprint  in the map frame [m]; None where there is none
-    band       heights of the footprint; None: every height
+    band       heights that it answers for, such as those of its storey; None: every height
+    body_band  heights that its body has itself; None where it has none
     joins      for a door the rooms on both sides, for a room its doors: names by id
 
     frame, parent  its own frame, and the one that carries it; a root has none
@@ -61,6 +63,7 @@ class InstanceDetail:
     pose: Pose | None
     footprint: shapely.Geometry | None
     band: HeightBand | None
+    body_band: HeightBand | None
     joins: Mapping[int, str]
     has_body: bool
     attributes: Mapping[str, object]
@@ -110,12 +113,14 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
         row = connection.execute(_DETAILS.where(instance.c.instance_id == instance_id)).one_or_none()
     if row is None:
         raise NotFound("instance", instance_id, "List the instances to see their ids.")
-    wkb, z_min_m, z_max_m, has_body, attributes, created_at, updated_at, frame_id, *links = row[7:]
+    wkb, low_m, high_m, body_low_m, body_high_m, has_body, *rest = row[7:]
+    attributes, created_at, updated_at, frame_id, *links = rest
     return InstanceDetail(
         instance=Instance(*row[:7]),
         pose=_pose_in_map(connection, frame_id),
         footprint=None if wkb is None else shapely.from_wkb(bytes(wkb)),
-        band=None if z_min_m is None or z_max_m is None else HeightBand(z_min_m, z_max_m),
+        band=_band(low_m, high_m),
+        body_band=_band(body_low_m, body_high_m),
         joins=_joins(connection, instance_id),
         has_body=has_body,
         attributes=attributes,
@@ -127,6 +132,10 @@ def get_instance(connection: Connection, instance_id: int) -> InstanceDetail:
         description_id=links[2],
         description=links[3],
     )
+
+
+def _band(z_min_m: float | None, z_max_m: float | None) -> HeightBand | None:
+    return None if z_min_m is None or z_max_m is None else HeightBand(z_min_m, z_max_m)
 
 
 def _pose_in_map(connection: Connection, frame_id: int) -> Pose | None:
@@ -179,6 +188,8 @@ _DETAILS = (
         func.public.st_asbinary(abstraction.c.geometry, type_=None),
         abstraction.c.z_min_m,
         abstraction.c.z_max_m,
+        SOLID.c.z_min_m,
+        SOLID.c.z_max_m,
         select(geometry.c.geometry_id)
         .where(geometry.c.description_id == instance.c.relative_description_id, geometry.c.type.in_(BODIES))
         .exists(),
@@ -198,5 +209,9 @@ _DETAILS = (
         abstraction,
         (abstraction.c.description_id == instance.c.absolute_description_id)
         & (abstraction.c.type == "Footprint"),
+    )
+    .outerjoin(
+        SOLID,
+        (SOLID.c.description_id == instance.c.absolute_description_id) & (SOLID.c.type == "AxisAligned3D"),
     )
 )

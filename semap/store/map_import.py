@@ -11,6 +11,7 @@ from semap.errors import InvalidInput
 from semap.geometry.abstractions import derive
 from semap.model.building import Finding
 from semap.model.continuous_query import declared
+from semap.model.folding import folded
 from semap.model.map_document import ConceptEntry, FrameEntry, InstanceEntry, MapDocument, StampedPose
 from semap.model.pose import IDENTITY
 from semap.store.anchor import set_anchor
@@ -165,7 +166,7 @@ def _make_concepts(connection: Connection, entries: Sequence[ConceptEntry]) -> t
         create_concept(connection, Concept(0, each.name, (), each.iris, each.comment, each.attribute_schema))
     for each in new:
         change_concept(connection, each.name, parents=each.parents or (ROOT,))
-    return tuple(notes)
+    return folded(notes)
 
 
 def _differs(entry: ConceptEntry, known: Concept) -> bool:

@@ -22,6 +22,7 @@ MOST_POINTS = 500_000
 THINGS = text("""
     select i.instance_id, i.name, i.frame_id, s.name as storey, i.attributes, a.shape,
            case when i.concept_id in (select semap.concepts_below(semap.concept_named('Room'))) then 'room'
+                when i.concept_id in (select semap.concepts_below(semap.concept_named('Window'))) then 'thing'
                 when i.concept_id in (select semap.concepts_below(semap.concept_named('Opening')))
                   or i.concept_id in (select semap.concepts_below(semap.concept_named('Door'))) then 'door'
                 else 'thing' end as kind

@@ -45,6 +45,13 @@ ROUTE = text("""
     left join lateral semap.way_points(array[coalesce(r.door_id, r.room_id)]) p on true
     order by r.step
 """)
+PART = text(r"""
+    select count(*), (array_agg(r.name order by r.name))[1\:20],
+           array_agg(distinct s.name) filter (where s.name is not null)
+    from semap.rooms_connected(:room_id) c (room_id)
+    join semap.instance r on r.instance_id = c.room_id
+    left join semap.instance s on s.instance_id = r.storey_id
+""")
 END = text("select x_m, y_m, z_m from semap.way_points(array[cast(:room_id as bigint)])")
 
 
@@ -68,8 +75,38 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Part:
+    """Rooms between which there are ways: how many, names of 20, and the storeys that they are on."""
+
+    rooms: int
+    names: tuple[str, ...]
+    storeys: tuple[str, ...]
+
+    def __str__(self) -> str:
+        more = f" and {self.rooms - len(self.names)} more" if self.rooms > len(self.names) else ""
+        on = f" (on {', '.join(self.storeys)})" if self.storeys else ""
+        return f"{', '.join(self.names)}{more}{on}"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The parts of a building in which a way would begin and end, and between which there is none."""
+
+    start: Part
+    end: Part
+
+    @property
+    def reason(self) -> str:
+        """For people."""
+        return (
+            f"No door, opening, stair or lift of the map leads from {self.start} to {self.end}."
+            " Let one join a room of each."
+        )
+
+
+@dataclass(frozen=True)
 class Way:
-    """From room to room; without steps where no doors lead from the one to the other.
+    """From room to room; without steps where nothing leads from the one to the other, and then with the gap.
 
     line  x, y and (where it is known) z [m] of the positions that it leads through
     """
@@ -77,6 +114,7 @@ class Way:
     steps: tuple[Step, ...]
     length_m: float | None
     line: tuple[tuple[float, ...], ...]
+    gap: Gap | None = None
 
 
 def way(connection: Connection, start: Place, end: Place) -> Way:
@@ -91,12 +129,17 @@ def way(connection: Connection, start: Place, end: Place) -> Way:
     with translated():
         rows = connection.execute(ROUTE, {"from": from_id, "to": to_id}).all()
         if not rows:
-            return Way((), None, ())
+            return Way((), None, (), Gap(_part(connection, from_id), _part(connection, to_id)))
         places = [row[7:] for row in rows]
         if to_id != from_id:
             places.append(connection.execute(END, {"room_id": to_id}).one())
     line = tuple(tuple(part for part in place if part is not None) for place in places)
     return Way(tuple(Step(*row[1:6]) for row in rows), rows[0].total_m, line)
+
+
+def _part(connection: Connection, room_id: int) -> Part:
+    rooms, names, storeys = connection.execute(PART, {"room_id": room_id}).one()
+    return Part(rooms, tuple(names), tuple(storeys or ()))
 
 
 def _room_of(connection: Connection, place: Place, where: str) -> tuple[int, int]:

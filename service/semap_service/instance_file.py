@@ -17,6 +17,7 @@ from sqlalchemy import Connection
 
 from semap.errors import Conflict, InvalidInput, SemapError
 from semap.formats import read_building
+from semap.formats.source import refuse_utf16
 from semap.store.building import import_building
 from semap.store.instance_batch import NewInstance, create_instances
 from semap.store.maps import map_id_of
@@ -127,6 +128,8 @@ def _lines(path: Path, file: str) -> Iterator[Line]:
             number += 1
             end += len(line)
             where = f"{file}, line {number}"
+            if number == 1:
+                refuse_utf16(line, file)
             if len(line) > LONGEST_LINE:
                 raise InvalidInput(
                     f"it is longer than {LONGEST_LINE} bytes",

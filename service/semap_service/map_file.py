@@ -11,6 +11,7 @@ from sqlalchemy import Connection
 
 from semap.errors import InvalidInput, NotFound
 from semap.formats import read_building, read_map
+from semap.formats.geojson_system import Crs
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
 from semap.rules.language.reading import parse_declaration
@@ -26,11 +27,12 @@ Progress = Callable[[int, int], None]
 
 
 def read_file(
-    path: Path, progress: Progress | None = None, scratch: Path | None = None
+    path: Path, progress: Progress | None = None, scratch: Path | None = None, crs: Crs | None = None
 ) -> MapDocument | Building:
     """A map (a folder, .yaml or .zip) or a building (.geojson, .ifc, .gml, ...) by its suffix.
 
     scratch  an empty folder to unpack a .zip into; without one a .zip is refused
+    crs      what the coordinates of GeoJSON are; None: as the file shows
     raises   NotFound, TooLarge, InvalidInput
     """
     if path.suffix.lower() == ".zip":
@@ -42,7 +44,7 @@ def read_file(
         path = _folder_of_map(scratch)
     if path.is_dir() or path.suffix.lower() in MAP_SUFFIXES:
         return read_map(path)
-    return read_building(path, progress)
+    return read_building(path, progress, crs)
 
 
 def bring_in(

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from bench import __main__ as bench
-from bench import edits, growth, latency, shapes, throughput
+from bench import edits, growth, imports, latency, shapes, throughput
 from bench.copies import copied
 from bench.crowd import Floor, build_map
 from bench.figure import Figure, Rows, as_json, figure, joined, once, percentiles
@@ -175,3 +175,17 @@ def test_results_are_written_in_one_form(monkeypatch: pytest.MonkeyPatch, tmp_pa
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["mine"] == [{"case": "x", "s": {"median": 4, "min": 3, "max": 5, "rounds": 2}}]
     assert set(results["machine"]) == {"processor", "cores", "load_1_min", "python"}
+
+
+def test_the_building_of_the_import_is_brought_in_with_its_doors(database: str) -> None:
+    rows = imports.measure(database, (3, 2), 4)
+    assert [row["what"] for row in rows] == ["6 rooms, 4 doors", "10 MB, another YAML", "10 MB, a text"]
+    with connect(database) as connection:
+        joined_rooms = connection.execute(
+            "select d.name, array_agg(r.name order by r.name) from semap.door_room"
+            " join semap.instance d on d.instance_id = door_id join semap.instance r on r.instance_id = room_id"
+            " group by d.name order by d.name"
+        ).fetchall()
+    assert joined_rooms == [
+        (f"door {x}-{y}", [f"room {x}-{y}", f"room {x + 1}-{y}"]) for x in range(2) for y in range(2)
+    ]

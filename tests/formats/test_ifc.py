@@ -1,10 +1,12 @@
 import importlib
+import itertools
 from collections import Counter
 from functools import cache
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
+import networkx as nx
 import numpy as np
 import pytest
 import shapely
@@ -24,6 +26,7 @@ element = importlib.import_module("ifcopenshell.util.element")
 
 DUPLEX = "duplex/Ifc2x3_Duplex_Architecture.ifc"
 FLAT = "open_smart_home/04_Flat.ifc"
+WAYS = ("Stair", "Ramp", "Lift", "Opening")
 
 
 def of(building: Building, concept: str) -> dict[str, Item]:
@@ -54,11 +57,13 @@ def test_every_room_door_window_storey_and_piece_of_furniture_is_read(
 ) -> None:
     building, steps = read_with_steps(name)
     total = sum(counts.values())
-    assert Counter(item.concept for item in building.items) == counts
+    things = [item for item in building.items if item.concept not in WAYS]
+    assert Counter(item.concept for item in things) == counts
     assert len(building.storeys) == storeys
-    assert all(item.body is not None for item in building.items)
+    assert all(item.body is not None for item in things)
     assert steps == [(done, total) for done in range(1, total + 1)]
-    assert len({each.name for each in (*building.items, *building.storeys)}) == total + storeys
+    parts = (*building.items, *building.storeys)
+    assert len({each.name for each in parts}) == len({each.uid for each in parts}) == len(parts)
 
 
 def building_of(name: str) -> Building:
@@ -104,7 +109,7 @@ def test_bodies_stand_in_metres_where_ifcopenshell_sees_them_in_the_world(name: 
     file = ifcopenshell.open(str(path))
     settings = geom.settings()
     settings.set("use-world-coords", True)
-    for item in building_of(name).items[::3]:
+    for item in [each for each in building_of(name).items if each.concept not in WAYS][::3]:
         entity = file.by_guid(item.attributes["ifc_global_id"])
         world_m = np.array(geom.create_shape(settings, entity).geometry.verts).reshape(-1, 3)
         assert item.body is not None
@@ -178,6 +183,40 @@ def test_doors_of_the_duplex_join_what_its_space_boundaries_say() -> None:
     doubtful = doubts(building)
     assert [finding.reason for finding in doubtful] == ["it joins 3 rooms; all are kept"]
     assert "204034" in doubtful[0].subject
+
+
+def test_stairs_of_the_duplex_join_its_storeys_and_open_rooms_are_joined() -> None:
+    duplex = building_of(DUPLEX)
+    assert sorted(stair.joins for stair in of(duplex, "Stair").values()) == [
+        ("A101", "A201"),
+        ("B101", "B201"),
+    ]
+    for stair in of(duplex, "Stair").values():
+        heights_m = transform_points(stair.pose.matrix(), stair.body.vertices_m)[:, 2]
+        assert (heights_m.min(), heights_m.max()) == (pytest.approx(0, abs=0.1), pytest.approx(3.1, abs=0.1))
+    open_plan = {("1", "2"), ("1", "3"), ("2", "3"), ("1", "5")}
+    expected = {(f"{side}10{one}", f"{side}10{two}") for side in "AB" for one, two in open_plan}
+    assert {way.joins for way in of(duplex, "Opening").values()} == expected
+
+
+def test_openings_without_doors_join_rooms_of_the_flat() -> None:
+    openings = of(building_of(FLAT), "Opening")
+    assert {way.joins for way in openings.values()} == {("1", "9"), ("2", "8")}
+    outlines = {name: footprint(room) for name, room in of(building_of(FLAT), "Room").items()}
+    for way in openings.values():
+        hole = footprint(way)
+        assert all(hole.distance(outlines[name]) < 0.1 for name in way.joins)
+
+
+def test_one_can_go_from_every_room_of_an_apartment_to_every_other() -> None:
+    building = building_of(DUPLEX)
+    ways = nx.Graph()
+    ways.add_nodes_from(of(building, "Room"))
+    for item in building.items:
+        ways.add_edges_from(itertools.combinations(item.joins, 2))
+    parts = sorted(sorted(part) for part in nx.connected_components(ways))
+    assert [len(part) for part in parts] == [10, 10, 1]
+    assert [{name[0] for name in part} for part in parts] == [{"A"}, {"B"}, {"R"}]
 
 
 def test_without_space_boundaries_shapes_tell_the_same(

@@ -205,7 +205,60 @@ def test_doors_and_storeys_of_the_navigation_module() -> None:
     ends = transform_points(door.pose.matrix(), [[-0.45, 0, 0], [0.45, 0, 0]])
     assert ends == pytest.approx(np.array([[4, 1, 0], [4, 1.9, 0]]))
     told = [finding.reason.split(":")[1] for finding in found.findings if finding.subject == "1 transition"]
-    assert told == [" they do not connect two cells of this file", " they lead from one door into another"]
+    assert sorted(told) == [
+        " they do not connect two cells of this file",
+        " they lead from one door into another",
+    ]
+
+
+def test_cells_of_any_class_are_taken_and_what_is_left_out_is_said() -> None:
+    extension = 'xmlns:ext="http://example.org/ours/1.0"'
+    head = HEAD.replace("<IndoorFeatures", f"<IndoorFeatures {extension}")
+    wall = cell("w", "W1", box(4, 0, 0, 0.2, 3, 2.5), "navi:NonNavigableSpace")
+    found = building_of(
+        cell("a", "Lab", box(0, 0, 0, 4, 3, 2.5)),
+        cell("b", "Pod", box(4.2, 0, 0, 4, 3, 2.5), "ext:SensorPod"),
+        cell("d", "D-7", box(4, 1, 0, 0.2, 1, 2), "ext:FireDoorSpace"),
+        cell("e", "Doorman", box(9, 1, 0, 0.2, 1, 2), "ext:DoormanLodge").replace(' gml:id="e"', ""),
+        cell("o", "Glass", box(0, -0.2, 1, 1, 0.2, 1), "ext:IfcWindow"),
+        wall,
+        '<cellSpaceMember xlink:href="other.gml#x"/>',
+        "<interLayerConnectionMember><InterLayerConnection/></interLayerConnectionMember>" * 2,
+        *map(state, ("a", "b", "d", "w", "o")),
+        way("t1", "a", "d", "2 1 1 4 1 1"),
+        way("t2", "d", "b", "4 1 1 6 1 1"),
+        way("t3", "a", "w", "2 1 1 4 1 1"),
+        head=head,
+    )
+    assert {name: (part.concept, part.joins) for name, part in items(found).items()} == {
+        "Lab": ("Room", ()),
+        "Pod": ("Room", ()),
+        "D-7": ("Door", ("Lab", "Pod")),
+        "Doorman": ("Room", ()),
+        "Glass": ("Window", ()),
+        "W1": ("Obstacle", ()),
+    }
+    assert items(found)["Pod"].attributes["indoorgml_class"] == "SensorPod"
+    told = {f"{finding.subject}: {finding.reason}" for finding in found.findings}
+    assert told >= {
+        "1 cell: of the class SensorPod, which is not IndoorGML's own; taken as Room",
+        "1 cell: of the class FireDoorSpace, which is not IndoorGML's own; taken as Door",
+        "1 cell: they lie in another file",
+        "2 InterLayerConnection: semap reads cells, states and transitions",
+        "1 transition: left out: they lead into what nobody can pass",
+    }
+
+
+NAMES = st.from_regex(r"[A-Z][A-Za-z]{0,12}", fullmatch=True)
+
+
+@given(st.lists(NAMES, min_size=1, max_size=6, unique=True))
+def test_no_cell_is_lost_whatever_its_class(classes: list[str]) -> None:
+    drawn = [cell(f"c{n}", f"n{n}", box(5 * n, 0, 0, 4, 3, 2), name) for n, name in enumerate(classes)]
+    ways = [way(f"t{n}", f"c{n}", f"c{n + 1}", "0 0 0 1 1 1") for n in range(len(classes) - 1)]
+    found = building_of(*drawn, *(state(f"c{n}") for n in range(len(classes))), *ways)
+    cells = {item.attributes["indoorgml_class"] for item in found.items if item.name.startswith("n")}
+    assert cells == set(classes)
 
 
 def test_outlines_in_2d_holes_references_and_units() -> None:

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from pathlib import Path
 from uuid import uuid5
@@ -6,9 +7,10 @@ import numpy as np
 import pytest
 from shapely import box
 
+from semap.errors import InvalidInput
 from semap.formats import read_building
 from semap.formats.geojson import NAMESPACE
-from semap.formats.validation import NAMED_AT_MOST, doubts
+from semap.formats.validation import doubts
 from semap.geometry.prism import extrude
 from semap.model.building import Building, HeightBand, Item, Mesh, Storey
 from semap.model.pose import Pose
@@ -77,14 +79,14 @@ def test_rooms_of_one_storey_that_overlap(
     x: float, z: float, storey_name: str | None, area: str | None
 ) -> None:
     found = told(room("a"), room("b", x=x, z=z, storey=storey_name))
-    expected = [] if area is None else [("a", f"it overlaps b by {area} m2; who is there is in both")]
+    expected = [] if area is None else [("a", f"it overlaps 'b' by {area} m2; who is there is in both")]
     assert found == expected
 
 
 def test_an_outline_counts_before_the_body_and_without_heights_at_every_height() -> None:
     flat = room("a", body=None, band=None, footprint=box(0, 0, 2, 3))
     assert told(flat, room("b", x=1.0, z=90.0)) == [
-        ("a", "it overlaps b by 3.00 m2; who is there is in both")
+        ("a", "it overlaps 'b' by 3.00 m2; who is there is in both")
     ]
     narrow = room("b", footprint=box(2, 0, 4, 3))
     assert told(flat, narrow) == []
@@ -105,7 +107,9 @@ def test_names_given_twice() -> None:
     assert sorted(found) == [("a", reason), ("s", reason)]
 
 
-@pytest.mark.parametrize(("scale", "word"), [(1000.0, None), (3000.0, "mm"), (0.2, "degrees"), (1.0, None)])
+@pytest.mark.parametrize(
+    ("scale", "word"), [(60.0, None), (1000.0, "mm"), (3000.0, "mm"), (0.2, "degrees"), (1.0, None)]
+)
 def test_a_size_that_no_building_has(scale: float, word: str | None) -> None:
     body = room("a").body
     assert body is not None
@@ -132,14 +136,39 @@ def test_storeys_that_are_not_in_order() -> None:
         ("upper", "its elevation is 3 m, but its rooms begin at 0.00 m"),
     ]
     assert told(storeys=(ground, replace(upper, elevation_m=0.0))) == [
-        ("upper", "it has the same elevation as ground: 0 m")
+        ("upper", "it has the same elevation as 'ground': 0 m")
     ]
 
 
-def test_many_doubts_of_a_kind_are_counted() -> None:
-    found = told(*(door(f"d{number}") for number in range(NAMED_AT_MOST + 5)))
-    assert len(found) == NAMED_AT_MOST + 1
-    assert found[-1][0] == "5 more"
+@pytest.mark.parametrize("reach_m", [1.1e8, 1e9, 1e300])
+def test_what_lies_beyond_any_place_on_earth_is_refused(tmp_path: Path, reach_m: float) -> None:
+    shapes = [
+        [[0, 0], [4, 0], [4, 3]],
+        [[reach_m, 0], [reach_m + 4e3, 0], [reach_m, 4e3]],
+        [[0, 0], [0, -reach_m], [5, 5]],
+    ]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": f"r{n}"},
+            "geometry": {"type": "Polygon", "coordinates": [ring]},
+        }
+        for n, ring in enumerate(shapes)
+    ]
+    features[1]["geometry"] = {"type": "Point", "coordinates": [reach_m, 0]}
+    plan = tmp_path / "plan.geojson"
+    plan.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    with pytest.raises(InvalidInput, match="2 things are wrong") as refusal:
+        read_building(plan)
+    assert [line.split(":")[0] for line in str(refusal.value).splitlines()[1:]] == ["  'r1'", "  'r2'"]
+    assert "unit" in refusal.value.remedy
+
+
+@pytest.mark.parametrize(("room_m", "is_told"), [(4000.0, True), (500.0, True), (250.0, False), (4.0, False)])
+def test_a_small_flat_in_millimetres_is_told_as_well(room_m: float, is_told: bool) -> None:
+    body = extrude(box(0, 0, room_m, room_m / 2), 0, 2.5)
+    found = doubts(Building((), tuple(room(f"r{n}", x=n * room_m, body=body) for n in range(2))))
+    assert [finding.subject for finding in found if "mm" in finding.reason] == ["units"] * is_told
 
 
 def test_a_body_without_area_is_no_obstacle() -> None:

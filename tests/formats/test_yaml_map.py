@@ -227,7 +227,7 @@ THING = "map: m\nthings:\n  t: {concept: Table, %s}\n"
         ("semap_map: §2\nmap: m\n", "version 2", "version 1"),
         ("§cell_m: 2\n", "`map` is missing", "map: NAME"),
         ("§- map\n", "a mapping is needed", "key: value"),
-        ("a: 1\n§---\nb: 2\n", "not YAML", ""),
+        ("map: m\n§---\nb: 2\n", "a second document", "Give one"),
         ('map: §"a\\0b"\n', 'NUL', 'Remove'),
         ("", "empty", ""),
         ("# nothing\n", "says nothing", "map: NAME"),
@@ -270,6 +270,24 @@ def test_a_mesh_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(InvalidInput, match=r"map.yaml:\d+:\d+: .*cut off"):
         read_map(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("map: m\nfoo: 1\n", ":2:1: there is no key 'foo'"),
+        ("map: m\nrooms: [1, 2\n", ":2:8: a mapping is needed here"),
+        ("map: m\nrooms:\n  a: {hight_m: 2}\n", ":3:7: there is no key 'hight_m'"),
+        ("map: m\nmap: m\n", ":2:1: the key 'map' is there twice"),
+        ("- map\n", ":1:1: a mapping is needed here"),
+    ],
+)
+def test_a_wrong_file_is_refused_where_it_goes_wrong_and_not_read_to_its_end(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    # what follows is no YAML at all, which a reader of the whole file would have to say first
+    with pytest.raises(InvalidInput, match=message):
+        read_map(written(tmp_path, text + "\n}]: @\n"))
 
 
 def test_aliases_repeat_a_little_and_bombs_are_refused() -> None:

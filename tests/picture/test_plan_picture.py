@@ -56,6 +56,17 @@ def test_things_and_ways_are_those_of_the_database(scene: World) -> None:
             plan.things(connection, "nowhere")
 
 
+def test_windows_are_openings_and_yet_no_doors(scene: World) -> None:
+    for name, concept in (("gate", "Door"), ("pane", "Window"), ("hole", "Opening")):
+        scene.add_room(name, shapely.box(3, 0, 4, 0.2))
+        scene.run(
+            "update semap.instance set concept_id = semap.concept_named(%s) where name = %s", concept, name
+        )
+    with one_transaction(scene.dsn, "semap_read") as connection:
+        kinds = {each.name: each.kind for each in plan.things(connection, scene.name)}
+    assert (kinds["gate"], kinds["pane"], kinds["hole"]) == (Kind.DOOR, Kind.THING, Kind.DOOR)
+
+
 def test_more_states_than_a_picture_shows_are_refused(scene: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan, "MOST_POINTS", 8)
     with one_transaction(scene.dsn, "semap_read") as connection:

@@ -50,6 +50,35 @@ def test_the_door_is_named_where_the_way_leads_through_it_and_the_edge_everywher
     ]  # fmt: skip
 
 
+def draw_door(world: World, name: str, place: str, width_m: float | None, room: int) -> None:
+    """A door without a shape of its own: a line, or a point."""
+    frame_id = world.one(
+        "insert into semap.frame (map_id, name, parent_id) values (%s, %s, %s) returning frame_id",
+        world.map_id, name, world.frame_id,
+    )  # fmt: skip
+    world.run(f"select semap.set_transform({frame_id}, row({place})::semap.pose)")
+    door_id = world.one(
+        "insert into semap.instance (map_id, name, concept_id, frame_id, attributes)"
+        " select %s, %s, concept_id, %s, jsonb_strip_nulls(jsonb_build_object('width_m', %s::float))"
+        " from semap.concept where name = 'Door' returning instance_id",
+        world.map_id, name, frame_id, width_m,
+    )  # fmt: skip
+    world.run("insert into semap.door_room (door_id, room_id) values (%s, %s)", door_id, room)
+
+
+def test_doors_that_were_drawn_as_lines_or_points_are_named_as_well(world: World) -> None:
+    world.ask(WAYS)
+    room = world.add_room("hall", ROOM)
+    quarter = 0.5**0.5
+    draw_door(world, "south", "1.5, 0, 0, 0, 0, 0, 1", 1.0, room)
+    draw_door(world, "east", f"6, 1.5, 0, 0, 0, {quarter}, {quarter}", 1.0, room)
+    draw_door(world, "north", "4.5, 4, 0, 0, 0, 0, 1", None, room)
+    found = walk(world, (1.1, -1), (1.1, 1), (5, 1.9), (7, 1.9), (7, 3), (4.4, 3), (4.4, 5))
+    assert found == [
+        ("began", 1, "south"), ("ended", 2, "east"), ("began", 2, None), ("ended", 3, "north"),
+    ]  # fmt: skip
+
+
 def test_a_change_that_is_not_on_the_boundary_names_neither(world: World) -> None:
     world.ask(Asked(longest_gap=1.5, fastest_mps=3.0))
     room = world.add_room("hall", ROOM)

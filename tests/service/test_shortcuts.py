@@ -106,7 +106,14 @@ def test_the_way_between_things_and_tracks(service: Service):
         "length_m": None,
         "steps": [],
         "line": [],
+        "gap": {
+            "reason": "No door, opening, stair or lift of the map leads from room 0, room 1, room 2 to room 3."
+            " Let one join a room of each.",
+            "start": {"rooms": 3, "names": ["room 0", "room 1", "room 2"], "storeys": []},
+            "end": {"rooms": 1, "names": ["room 3"], "storeys": []},
+        },
     }
+    assert way["gap"] is None
     assert service.get("/route", **{"from": doors[0]["id"], "to": rooms[0]["id"]})["length_m"] == 0
     for wrong, status in (("track:99", 404), ("99", 404), ("x", 422), ("9999999999999999999", 422)):
         assert service.client.get("/route", params={"from": wrong, "to": desk["id"]}).status_code == status

@@ -169,7 +169,7 @@ BROKEN = {
         f" kind = 'began' and object_track_id is not null and {OF_MAP.format('near')})", {"log"}),
     "an end too few": (
         "near", "delete from semap.relation_change where change_id = (select max(change_id) from semap.relation_change where"
-        f" kind = 'ended' and {OF_MAP.format('near')})", {"log", "past"}),
+        f" kind = 'ended' and {OF_MAP.format('near')})", {"log", "past", "pair history"}),
     "an end of two instances too few": (
         "contains", "delete from semap.relation_change where change_id = (select max(change_id) from semap.relation_change"
         f" where kind = 'ended' and {OF_MAP.format('contains')})", {"log", "past"}),
@@ -183,7 +183,14 @@ BROKEN = {
         " kind, cause, stamp, edge_at, since, 'retracted', uid from semap.relation_change where change_id ="
         " (select max(c.change_id) from semap.relation_change c join semap.pair p on p.held and p.query_id = c.query_id"
         " and p.track_id = c.track_id and p.object_track_id = c.object_track_id where c.kind = 'began' and"
-        f" c.{OF_MAP.format('near')})", {"log"}),
+        f" c.{OF_MAP.format('near')})", {"log", "pair history"}),
+    "a crossing too few": (
+        "crosses", "delete from semap.relation_change where change_id = (select max(change_id) from semap.relation_change"
+        f" where kind = 'crossed' and {OF_MAP.format('crosses')})", {"crossings"}),
+    "a crossing that never was": (
+        "crosses", "update semap.relation_change set direction = case direction when 'left_to_right' then 'right_to_left'"
+        " else 'left_to_right' end where change_id = (select max(change_id) from semap.relation_change"
+        f" where kind = 'crossed' and {OF_MAP.format('crosses')})", {"crossings"}),
 }  # fmt: skip
 
 

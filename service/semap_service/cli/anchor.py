@@ -33,7 +33,7 @@ def anchor(
     semap map anchor office --epsg 25832 --x 434500 --y 5791200 --yaw-deg 12.5
     """
     from semap.geometry.pose import pose_from_yaw  # noqa: PLC0415
-    from semap.model.map_document import Anchor  # noqa: PLC0415
+    from semap.model.anchor import Anchor  # noqa: PLC0415
     from semap.store.anchor import read_anchor, remove_anchor, set_anchor  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
 

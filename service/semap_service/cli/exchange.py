@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,13 @@ if TYPE_CHECKING:
     from semap.store.building import ImportReport
 
 GLB, GEOJSON = ".glb", ".geojson"
+
+
+class Coordinates(Enum):
+    metres = "metres"
+    degrees = "degrees"
+
+
 YAML_FILE = "map.yaml"
 
 
@@ -24,12 +32,19 @@ def import_file(
         Path,
         typer.Argument(
             help="A map: a folder with map.yaml, a .yaml or a .zip file; or a building: GeoJSON in metres "
-            "(.geojson), IFC (.ifc) or IndoorGML (.gml)."
+            "or degrees (.geojson), IFC (.ifc) or IndoorGML (.gml)."
         ),
     ],
     name: Annotated[
         str | None,
         typer.Option("--map", help="The map to import into. [default: what the file says, or its name]"),
+    ] = None,
+    crs: Annotated[
+        Coordinates | None,
+        typer.Option(
+            help="What the coordinates of GeoJSON are. [default: degrees where its `crs` says so, or where "
+            "rooms of so many metres would be crumbs]"
+        ),
     ] = None,
     cell: Cell = 4.0,
     as_json: AsJson = False,
@@ -53,7 +68,7 @@ def import_file(
         progress_bar("objects read", quiet=as_json) as advance,
         tempfile.TemporaryDirectory(prefix="semap-import-") as scratch,
     ):
-        found = read_file(file, advance, Path(scratch))
+        found = read_file(file, advance, Path(scratch), None if crs is None else crs.value)
     with (
         database(dsn) as opened,
         signed_edit(opened, f"semap map import {file}") as connection,

@@ -6,11 +6,12 @@ import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput, NotFound
+from semap.formats.geojson_system import Crs
 from semap.formats.mesh_file import MAX_BYTES, MeshFile, read_mesh_file
 from semap.model.pose import Pose
 from semap.model.source_geometry import SourceGeometry
@@ -49,7 +50,8 @@ def _read_map(task: Task, say: Progress) -> object:
     say(0, "reading the file")
     with tempfile.TemporaryDirectory(prefix="unpacked-", dir=task.path.parent) as scratch:
         try:
-            return read_file(task.path, _counted(say, 0, READ, "objects read"), Path(scratch))
+            crs = cast("Crs | None", task.options.get("crs"))
+            return read_file(task.path, _counted(say, 0, READ, "objects read"), Path(scratch), crs)
         except (InvalidInput, NotFound) as error:
             told = str(error).replace(f"{scratch}/", "").replace(str(task.path), task.file)
             raise InvalidInput(told.replace(f"{task.path.parent}/", ""), error.remedy) from error

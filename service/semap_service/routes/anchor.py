@@ -7,7 +7,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.errors import NotFound
-from semap.model.map_document import Anchor
+from semap.model.anchor import Anchor
 from semap.store.anchor import read_anchor, remove_anchor, set_anchor
 from semap_service.document import PoseDocument, Request
 from semap_service.etag import TaggedRoute, edits, reads

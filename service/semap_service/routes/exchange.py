@@ -18,6 +18,7 @@ from starlette.background import BackgroundTask
 
 from semap.errors import InvalidInput, NotFound
 from semap.formats import write_map
+from semap.formats.geojson_system import Crs as Coordinates
 from semap.formats.gltf import write_gltf
 from semap.store.database import see_one_state
 from semap.store.map_export import export_map, placed_instances
@@ -69,6 +70,10 @@ def import_file(
         Name | None,
         Query(pattern=r"^[^/\x00]*$", description="Of the map. [default: what the file says, or its name]"),
     ] = None,
+    crs: Annotated[
+        Coordinates | None,
+        Query(description="What the coordinates of GeoJSON are. [default: as the file shows]"),
+    ] = None,
 ) -> ImportDocument | Response:
     """Bring in a map or a building, all of it or nothing.
 
@@ -76,12 +81,12 @@ def import_file(
     """
     given = file_name(file)
     if later is not None:
-        return later("map_import", file, write, map_name=name, options={"name": name})
+        return later("map_import", file, write, map_name=name, options={"name": name, "crs": crs})
     with _kept(file, given) as path:
         scratch = path.parent / "unpacked"
         scratch.mkdir()
         try:
-            found = read_file(path, scratch=scratch)
+            found = read_file(path, scratch=scratch, crs=crs)
         except (InvalidInput, NotFound) as error:
             told = (
                 str(error).replace(f"{scratch}/", "").replace(str(path), given).replace(f"{path.parent}/", "")

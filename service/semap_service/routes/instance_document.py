@@ -104,7 +104,12 @@ class InstanceDocument(InstanceSummary):
     description: DescriptionReference | None = Field(description="null: it looks like nothing.")
     crs: str | None = Field(description="The system of the footprint; null: metres in the map frame.")
     footprint: AreaDocument | None = Field(description="GeoJSON; null where there is none.")
-    band: BandDocument | None = Field(description="Heights of the footprint; null: every height.")
+    band: BandDocument | None = Field(
+        description="Heights that it answers for: a room of IFC up to the next storey. null: every height."
+    )
+    body_band: BandDocument | None = Field(
+        description="Heights that its body has itself: of a room from the floor to the ceiling."
+    )
     joins: list[Neighbour]
     has_body: bool = Field(description="Whether there is a mesh.")
     attributes: Attributes
@@ -258,6 +263,7 @@ def detail(found: InstanceDetail, crs: str | None = None) -> InstanceDocument:
         crs=crs,
         footprint=None if found.footprint is None else area_document(found.footprint),
         band=None if found.band is None else BandDocument.model_validate(found.band),
+        body_band=None if found.body_band is None else BandDocument.model_validate(found.body_band),
         joins=[Neighbour(id=id_, name=name) for id_, name in found.joins.items()],
         has_body=found.has_body,
         attributes=dict(found.attributes),

@@ -29,8 +29,24 @@ class StepDocument(Document):
     length_m: float = Field(description="Of the way to that door.")
 
 
+class PartDocument(Document):
+    """Rooms between which there are ways."""
+
+    rooms: int = Field(description="How many.")
+    names: list[str] = Field(description="Of the first 20, by name.")
+    storeys: list[str] = Field(description="On which they are.")
+
+
+class GapDocument(Document):
+    """Why there is no way: two parts of the building that nothing connects."""
+
+    reason: str
+    start: PartDocument
+    end: PartDocument
+
+
 class WayDocument(Document):
-    """The shortest way through doors."""
+    """The shortest way through doors, openings, stairs and lifts."""
 
     length_m: float | None = Field(
         description="From the first room's position to the last one's; null: none."
@@ -38,6 +54,9 @@ class WayDocument(Document):
     steps: list[StepDocument] = Field(description="The rooms in their order; empty where there is no way.")
     line: list[list[float]] = Field(
         description="x, y and, where it is known, z [m] of the rooms' positions and the doors between them."
+    )
+    gap: GapDocument | None = Field(
+        description="Where there is no way: the parts of the building that are not connected."
     )
 
 
@@ -65,6 +84,7 @@ def find_route(
         length_m=found.length_m,
         steps=[StepDocument.model_validate(each) for each in found.steps],
         line=[list(place) for place in found.line],
+        gap=None if found.gap is None else GapDocument.model_validate(found.gap),
     )
 
 

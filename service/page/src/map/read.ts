@@ -120,6 +120,7 @@ class Kinds {
     const above = new Set([concept]);
     for (const each of above) for (const parent of this.parents.get(each) ?? []) above.add(parent);
     if (above.has("Room")) return "room";
+    if (above.has("Window")) return "thing";
     return above.has("Door") || above.has("Opening") ? "door" : "thing";
   }
 }
