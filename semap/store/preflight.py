@@ -10,7 +10,8 @@ from semap.errors import ServerUnfit
 
 OLDEST_MAJOR = 15
 FIRST_WITH_GUARDED_ROLES = 16
-"""From here on CREATEROLE alone may no longer grant a role that somebody else made."""
+"""From here on CREATEROLE alone may no longer grant a role that somebody else made, and a member may act as a role
+only if that was granted, too: who creates a role may grant it, and no more."""
 
 ROLES = (
     "semap_ingest",
@@ -73,10 +74,12 @@ select current_setting('server_version_num')::int as version,
        own.rolsuper as is_superuser,
        own.rolreplication as may_replicate,
        own.rolcreaterole as may_create_roles,
-       array(select name from unnest(%(roles)s::text[]) name
-             where not exists (select from pg_roles where rolname = name)) as missing_roles,
-       array(select rolname::text from pg_roles
-             where rolname = any(%(roles)s) and not pg_has_role(oid, 'MEMBER')) as foreign_roles,
+       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+             where not exists (select from pg_roles where rolname = name) order by n) as missing_roles,
+       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+             join pg_roles on rolname = name
+             where not (pg_has_role(oid, %(act)s) or pg_has_role(oid, 'MEMBER WITH ADMIN OPTION'))
+             order by n) as foreign_roles,
        (select quote_ident(nspname) from pg_extension join pg_namespace n on n.oid = extnamespace
         where extname = 'postgis') as postgis_schema,
        exists (select from pg_available_extensions where name = 'postgis') as postgis_available,
@@ -92,6 +95,11 @@ where own.rolname = current_user
 """
 
 
+def right_to_act(server_version: int) -> str:
+    """What `pg_has_role` calls the right to SET ROLE; server_version as in server_version_num."""
+    return "SET" if server_version // 10_000 >= FIRST_WITH_GUARDED_ROLES else "MEMBER"
+
+
 def examine(conn: psycopg.Connection) -> list[Finding]:
     """Every obstacle in the connection's database for its role; nothing is changed there.
 
@@ -103,7 +111,8 @@ def examine(conn: psycopg.Connection) -> list[Finding]:
     with conn.transaction(force_rollback=True), conn.cursor(row_factory=class_row(Server)) as cursor:
         # In a database without an encoding psycopg would not take texts for texts.
         cursor.execute("set local client_encoding to 'UTF8'")
-        server = cursor.execute(LOOK, {"roles": list(ROLES)}).fetchone()
+        asked = {"roles": list(ROLES), "act": right_to_act(conn.info.server_version)}
+        server = cursor.execute(LOOK, asked).fetchone()
     assert server is not None  # noqa: S101  (a session always has a role)
     return [finding for check in CHECKS for finding in check(server)]
 
