@@ -78,6 +78,10 @@ def make_template(cluster: Cluster, name: str) -> None:
                 SQL("alter database {} owner to {}").format(Identifier(name), Identifier(OWNER))
             )
             superuser.execute("create extension postgis")
+            # for tests that write past the triggers
+            superuser.execute(
+                SQL("grant set on parameter session_replication_role to {}").format(Identifier(OWNER))
+            )
     migrate(make_conninfo(cluster.dsn(name), user=OWNER), slot=False)
 
 

@@ -97,7 +97,7 @@ def _parsed(text: str, hint: Callable[[str], str | None]) -> list[Node]:
 
 
 def _require_shallow(tree: str, text: str) -> None:
-    """Refuse a tree that is deeper than any that is understood: how deep JSON may be depends on Python's version."""
+    """Refuse a tree that is deeper than any that is understood: what JSON may be depends on the Python."""
     depth, deepest, place = 0, 0, None
     for found in PARTS.finditer(tree):
         if found["place"] is not None:  # which follows the parts of what is there

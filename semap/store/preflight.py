@@ -10,8 +10,8 @@ from semap.errors import ServerUnfit
 
 OLDEST_MAJOR = 15
 FIRST_WITH_GUARDED_ROLES = 16
-"""From here on CREATEROLE alone may no longer grant a role that somebody else made, and a member may act as a role
-only if that was granted, too: who creates a role may grant it, and no more."""
+"""From here on CREATEROLE alone may no longer grant a role that somebody else made, and a member may act as a
+role only if that was granted, too: who creates a role may grant it, and no more."""
 
 ROLES = (
     "semap_ingest",
@@ -48,6 +48,7 @@ class Server:
     may_create_roles: bool
     missing_roles: list[str]
     foreign_roles: list[str]
+    has_icu: bool
     postgis_schema: str | None
     postgis_available: bool
     postgis_needs_superuser: bool
@@ -80,6 +81,7 @@ select current_setting('server_version_num')::int as version,
              join pg_roles on rolname = name
              where not (pg_has_role(oid, %(act)s) or pg_has_role(oid, 'MEMBER WITH ADMIN OPTION'))
              order by n) as foreign_roles,
+       exists (select from pg_collation where collname = 'und-x-icu') as has_icu,
        (select quote_ident(nspname) from pg_extension join pg_namespace n on n.oid = extnamespace
         where extname = 'postgis') as postgis_schema,
        exists (select from pg_available_extensions where name = 'postgis') as postgis_available,
@@ -141,6 +143,15 @@ def _encoding(server: Server) -> Iterator[Finding]:
         yield (
             f"a database in UTF8 (this one is in {server.encoding})",
             "CREATE DATABASE semap TEMPLATE template0 ENCODING 'UTF8'; and use that one.",
+        )
+
+
+def _icu(server: Server) -> Iterator[Finding]:
+    # in another encoding than UTF8 there are none, which is said already
+    if not server.has_icu and server.encoding == "UTF8":
+        yield (
+            "the collations of ICU (there is no und-x-icu)",
+            "Use a PostgreSQL that is built with ICU, as those of Debian and postgresql.org are.",
         )
 
 
@@ -224,6 +235,7 @@ def _roles(server: Server) -> Iterator[Finding]:
 CHECKS: tuple[Callable[[Server], Iterator[Finding]], ...] = (
     _writable,
     _encoding,
+    _icu,
     _wal_level,
     _slot,
     _replication,

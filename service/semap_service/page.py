@@ -71,7 +71,7 @@ def add_page(app: FastAPI) -> None:
 
 
 class PageFiles(StaticFiles):
-    """The built files, compressed where the browser takes that; where they are not built, what `front` says."""
+    """The built files, compressed where the browser takes that; without them, what `front` says then."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if _is_built():
