@@ -161,7 +161,7 @@ def test_a_waiting_poll_is_answered_by_the_first_event(service: Service) -> None
     service.make_map("other")
     with ThreadPoolExecutor() as pool, connect(service.feed_url) as feed:
         assert message(feed)["type"] == "hello"
-        waiting = pool.submit(service.get, "/events", wait=10, map="office")
+        waiting = pool.submit(service.get, "/events", wait=60, map="office")
         service.happen(1, map_name="other")
         assert message(feed)["cursor"] == 1
         assert not waiting.done()
