@@ -208,7 +208,7 @@ def test_a_service_that_starts_without_tokens_says_how_to_make_one(database: str
             assert "Nobody has a token yet" in serving.stderr.readline()
             assert "semap token add" in serving.stderr.readline()
             with httpx.Client(base_url=f"http://127.0.0.1:{port}") as client:
-                until(lambda: answers(client, "/health"), 60)
+                until(lambda: answers(client, "/health"))
                 assert client.get("/maps").status_code == 401
                 made = CliRunner().invoke(commands(), ["token", "add", "me", "--dsn", database])
                 client.headers["Authorization"] = f"Bearer {made.stdout.strip()}"
