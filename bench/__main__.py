@@ -19,6 +19,7 @@ from pathlib import Path
 
 from bench import (
     abstractions,
+    calls,
     certainty,
     edits,
     feed,
@@ -130,6 +131,11 @@ BENCHMARKS = {
         "one thing asked of one state, as triggers do: a condition, a distance, a probability",
         "us at most 20 for the condition, at most 100 for a room",
         certainty.measure,
+    ),
+    "calls": Benchmark(
+        "single calls that hostile or large input could make long, in processor time",
+        "cpu_ms at most 3 for the lines of a scan, 100 for a scrape, 300 for help, 5000 for the others",
+        calls.measure,
     ),
     "rules": Benchmark(
         f"{rules.ROUNDS} rounds of {rules.ROWS:,} rows, the engine and Flink in turn; then memory",

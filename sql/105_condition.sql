@@ -127,7 +127,7 @@ declare
 begin
   if p_part ? 'op' and jsonb_typeof(p_part) = 'object' then
     case lower(p_part ->> 'op')
-      when 'casei' then return lower(semap.condition_text(p_part #> '{args,0}', p_values));
+      when 'casei' then return semap.lower_case(semap.condition_text(p_part #> '{args,0}', p_values));
       when 'accenti' then return semap.without_accents(semap.condition_text(p_part #> '{args,0}', p_values));
       else return null;
     end case;

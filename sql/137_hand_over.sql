@@ -30,7 +30,7 @@ create or replace trigger track_handed_over after update on semap.track
 -- Hand tracks to another source of their map, in a transaction of its own: whoever holds a source already might wait for
 -- one who hands tracks the other way. Writers of sources that are not concerned go on meanwhile.
 create or replace function semap.hand_over_tracks(p_track_ids bigint[], p_source_id integer) returns void
-language plpgsql security definer set search_path = public, pg_temp set semap.source_is_held = 'on' as $$
+language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_source_ids  integer[];
 begin
@@ -45,7 +45,9 @@ begin
     raise exception 'Some of these tracks were just handed to another source.'
       using errcode = 'serialization_failure', hint = 'Look where they are, and try again.';
   end if;
+  perform set_config('semap.source_is_held', 'on', true);
   update semap.track set source_id = p_source_id where track_id = any (p_track_ids) and source_id <> p_source_id;
+  perform set_config('semap.source_is_held', 'off', true);
 end $$;
 comment on function semap.hand_over_tracks is
   'Hand tracks to another source of their map, in a transaction of its own.';

@@ -41,13 +41,15 @@ comment on view semap.track_present is
 -- End tracks of a source, each at a stamp, within a transaction that wrote states: where regions are held already, the
 -- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a circle.
 create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[]) returns void
-language plpgsql set semap.source_is_held = 'on' as $$
+language plpgsql as $$
 begin
   perform semap.hold_regions();
   perform semap.hold_source(p_source_id);
+  perform set_config('semap.source_is_held', 'on', true);
   update semap.track k set ended_at = e.stamp
   from unnest(p_track_ids, p_stamps) e (track_id, stamp)
   where k.track_id = e.track_id and k.source_id = p_source_id;
+  perform set_config('semap.source_is_held', 'off', true);
 end $$;
 comment on function semap.end_tracks is
   'End tracks of a source, each at a stamp, within a transaction that wrote states.';

@@ -86,7 +86,7 @@ create or replace function semap.holds(p_predicate text, p_a public.geometry, p_
 language plpgsql immutable parallel safe as $$
 begin
   case lower(p_predicate)
-    -- ST_Equals looks at the types first, and takes a line without length for no point
+    -- before GEOS 3.13 ST_Equals looks at the types first, and takes a line without length for no point
     when 'equals' then return st_equals(p_a, p_b)
                               or st_dimension(p_a) <> st_dimension(p_b) and st_relate(p_a, p_b, 'T*F**FFF*');
     when 'disjoint' then return st_disjoint(p_a, p_b);

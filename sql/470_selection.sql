@@ -36,6 +36,31 @@ $$;
 comment on function semap.without_accents is
   'A text without its accents, so that é and e are alike.';
 
+-- Whether one of a text's characters has a lower case that only Unicode after version 14 knows, or might have.
+create or replace function semap.has_new_letter(p_text text) returns boolean
+language sql immutable parallel safe as $$
+  select p_text ~ '[\u1C89-\u1C8F\uA7CB-\uA7CF\uA7D2-\uA7D5\uA7DA-\uA7F4\U00010000-\U000103FF\U00010428-\U000104AF'
+    '\U000104D4-\U0001056F\U00010596-\U00010C7F\U00010CB3-\U0001189F\U000118C0-\U00016E3F\U00016E60-\U0001E8FF'
+    '\U0001E922-\U0010FFFF]'
+$$;
+comment on function semap.has_new_letter is
+  'Whether one of a text''s characters has a lower case that only Unicode after version 14 knows, or might have.';
+
+-- A text in lower case, character by character, so that É and é are alike whatever the language of the server is; letters
+-- that are newer than Unicode 14 are left as they are, so that servers and Pythons of all versions agree.
+create or replace function semap.lower_case(p_text text) returns text
+language sql immutable parallel safe as $$
+  select case
+    when octet_length(p_text) = length(p_text) then lower(p_text collate "C") collate "default"
+    -- a Σ is a σ wherever it stands, and an İ one character
+    when not semap.has_new_letter(p_text) then lower(translate(p_text, 'Σİ', 'σi') collate "und-x-icu") collate "default"
+    else (select string_agg(case when semap.has_new_letter(c) then c else semap.lower_case(c) end, '' order by n)
+          from regexp_split_to_table(p_text, '') with ordinality as t (c, n))
+  end
+$$;
+comment on function semap.lower_case is
+  'A text in lower case, character by character, so that É and é are alike whatever the language of the server is.';
+
 -- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part is
 -- looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
 create or replace function semap.instant_of(p_text text) returns timestamptz

@@ -3,6 +3,8 @@
 -- function that acts for its owner may be called only by whom it is for.
 do $$
 declare
+  -- the right to SET ROLE, which since PostgreSQL 16 membership alone is not: who creates a role may just grant it
+  c_act  constant text := case when current_setting('server_version_num')::integer >= 160000 then 'set' else 'member' end;
   v_role      text;
   v_function  regprocedure;
 begin
@@ -15,7 +17,7 @@ begin
         null; -- another database of this server made it at the same moment
       end;
     end if;
-    if not pg_has_role(current_user, v_role, 'member') then
+    if not pg_has_role(current_user, v_role, c_act) then
       execute format('grant %I to current_user', v_role);
     end if;
     execute format('grant usage on schema semap to %I', v_role);

@@ -5,12 +5,12 @@ from functools import cache
 
 import pytest
 from hypothesis import settings
-from server import fresh_database, running_cluster
+from server import fresh_database, make_template, running_cluster
 from world import World
 
 from semap.cluster import Cluster
 from semap.store.database import connect
-from semap.store.schema import ensure_slot, migrate
+from semap.store.schema import ensure_slot
 
 # The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
 settings.register_profile("steady", derandomize=True, deadline=None)
@@ -38,8 +38,7 @@ def empty_database(cluster: Cluster) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def template(cluster: Cluster) -> str:
     """The name of a migrated database that others are copied from."""
-    cluster.create_database("semap_template")
-    migrate(cluster.dsn("semap_template"), slot=False)
+    make_template(cluster, "semap_template")
     return "semap_template"
 
 

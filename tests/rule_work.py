@@ -10,6 +10,7 @@ from threading import Thread
 from unittest.mock import patch
 
 import psycopg
+from patience import moment
 
 from semap.store.database import connect
 from semap.worker import rule_worker
@@ -59,7 +60,7 @@ def await_event_of(dsn: str, track: str, kind: str) -> list[tuple]:
     deadline_s = time.monotonic() + PATIENCE_S
     while not any(row[2] == kind and row[4] == track for row in events(dsn)):
         assert time.monotonic() < deadline_s
-        Signal().wait(0.02)
+        moment()
     return events(dsn)
 
 
@@ -75,7 +76,7 @@ def await_events_of(dsn: str, map_id: int, count: int) -> list[tuple]:
             if len(rows) >= count:
                 return rows
             assert time.monotonic() < deadline_s
-            Signal().wait(0.01)
+            moment()
 
 
 def await_progress(dsn: str) -> None:
@@ -89,7 +90,7 @@ def await_progress(dsn: str) -> None:
             "select lsn >= %s::pg_lsn from semap.progress where worker = 'rules'", [end]
         ).fetchone()[0]:
             assert time.monotonic() < deadline_s
-            Signal().wait(0.01)
+            moment()
 
 
 def lose_slot(dsn: str) -> None:
@@ -100,7 +101,7 @@ def lose_slot(dsn: str) -> None:
             "select active from pg_replication_slots where slot_name = semap.rule_slot()"
         ).fetchone()[0]:
             assert time.monotonic() < deadline_s
-            Signal().wait(0.01)
+            moment()
         connection.execute("select pg_drop_replication_slot(semap.rule_slot())")
 
 

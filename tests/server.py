@@ -8,13 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psycopg
 from alembic import command
 from alembic.config import Config
+from psycopg.conninfo import make_conninfo
+from psycopg.sql import SQL, Identifier
 from sqlalchemy import text
 
 from semap.cluster import Cluster, lease
+from semap.cluster.cluster import SUPERUSER
 from semap.store.database import one_transaction
-from semap.store.schema import schema_folder
+from semap.store.schema import migrate, schema_folder
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.
@@ -25,6 +29,9 @@ SETTINGS = {
     "max_wal_size": "512MB",
     "shared_preload_libraries": "postgis-3",
 }
+
+OWNER = os.environ.get("SEMAP_TEST_OWNER", SUPERUSER)
+"""Who owns the databases. Another name is that of a role made with the rights that docs/operations.md gives."""
 
 # Linux's file system in memory. A database of the tests lives for a second and has 700 files: on a disk, making
 # and dropping it takes the processor five times as long.
@@ -61,15 +68,52 @@ def running_cluster() -> Iterator[Cluster]:
         yield cluster
 
 
+def make_template(cluster: Cluster, name: str) -> None:
+    """A migrated database to copy."""
+    cluster.create_database(name)
+    if OWNER != SUPERUSER:
+        with psycopg.connect(cluster.dsn(name), autocommit=True) as superuser:
+            superuser.execute(SQL("create role {} login createrole replication").format(Identifier(OWNER)))
+            superuser.execute(
+                SQL("alter database {} owner to {}").format(Identifier(name), Identifier(OWNER))
+            )
+            superuser.execute("create extension postgis")
+            # for tests that write past the triggers
+            superuser.execute(
+                SQL("grant set on parameter session_replication_role to {}").format(Identifier(OWNER))
+            )
+    migrate(make_conninfo(cluster.dsn(name), user=OWNER), slot=False)
+
+
 @contextmanager
 def fresh_database(cluster: Cluster, template: str | None = None) -> Iterator[str]:
-    """The DSN of a new database, which is dropped at the end with whatever sessions it still has."""
+    """The DSN of a new database, which is dropped at the end with whatever sessions it still has.
+
+    A copy belongs to OWNER, as what it is a copy of, and the DSN is theirs; an empty one is the superuser's.
+    """
     name = f"test_{secrets.token_hex(6)}"
     cluster.create_database(name, template)
     try:
-        yield cluster.dsn(name)
+        if template is None or OWNER == SUPERUSER:
+            yield cluster.dsn(name)
+        else:
+            with psycopg.connect(cluster.dsn("postgres"), autocommit=True) as superuser:
+                superuser.execute(
+                    SQL("alter database {} owner to {}").format(Identifier(name), Identifier(OWNER))
+                )
+            yield make_conninfo(cluster.dsn(name), user=OWNER)
     finally:
         cluster.drop_database(name)
+
+
+def ask_in_parallel(connection: psycopg.Connection) -> None:
+    """Until the transaction ends, plans are parallel wherever they may be."""
+    since_16 = connection.info.server_version >= 160_000
+    connection.execute(
+        SQL("set local {} = on").format(
+            Identifier("debug_parallel_query" if since_16 else "force_parallel_mode")
+        )
+    )
 
 
 def migrate_to(dsn: str, version: str) -> None:

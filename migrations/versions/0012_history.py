@@ -24,12 +24,6 @@ STATEMENTS = (
     "create index instance_map on semap.instance (map_id, instance_id)",
     "create index instance_shapeless on semap.instance (map_id) where relative_description_id is null",
     'create index instance_map_name on semap.instance (map_id, name collate "C", instance_id)',
-    # A row of its own, since PostGIS keeps a transformation for further use only where it has a number.
-    """
-    insert into public.spatial_ref_sys (srid, auth_name, auth_srid, srtext, proj4text)
-    values (990001, 'semap', 1, '', '+proj=aeqd +lat_0=0 +lon_0=0 +datum=WGS84 +units=m +no_defs')
-    on conflict (srid) do nothing
-    """,
 )
 
 

@@ -27,6 +27,12 @@ INSTANT = re.compile(
 )
 INDEX = re.compile(r"\s*[+-]?\d+", re.ASCII)
 ACCENT = re.compile("[\u0300-\u036f]")
+NEW_LETTER = re.compile(
+    "[\u1c89-\u1c8f\ua7cb-\ua7cf\ua7d2-\ua7d5\ua7da-\ua7f4\U00010000-\U000103ff\U00010428-\U000104af"
+    "\U000104d4-\U0001056f\U00010596-\U00010c7f\U00010cb3-\U0001189f\U000118c0-\U00016e3f\U00016e60-\U0001e8ff"
+    "\U0001e922-\U0010ffff]"
+)
+"""What has a lower case that only Unicode after version 14 knows, or might have."""
 
 
 def json_at(value: Value, keys: Sequence[str]) -> Value:
@@ -106,10 +112,10 @@ def instant_text(stamp_us: int | None) -> str | None:
 
 
 def lower(text: str | None) -> str | None:
-    """In lower case, character by character, as the C library of the server does it."""
+    """In lower case, character by character, by Unicode 14 whatever version Python knows."""
     if text is None or text.isascii():
         return text and text.lower()
-    return "".join(each.lower()[0] for each in text)
+    return "".join(each if NEW_LETTER.match(each) else each.lower()[0] for each in text)
 
 
 def without_accents(text: str | None) -> str | None:

@@ -18,6 +18,7 @@ from typing import Literal, TypeAlias
 
 from semap.cql2 import Kinds, check, parse
 from semap.errors import InvalidInput
+from semap.query_text.reasons import DEEPEST
 from semap.query_text.refusal import Refusal
 from semap.query_text.tree import Call, Cast, Constant, Expression, Function, Property
 from semap.query_text.views import View
@@ -289,7 +290,9 @@ def _containment(document: Expression, negated: bool) -> Cql2:
     text = document.value if isinstance(document, Constant) else None
     try:
         wanted = json.loads(text, parse_constant=_refuse_constant) if isinstance(text, str) else None
-    except (ValueError, RecursionError):
+    except RecursionError as error:
+        raise Refusal("too deep", document.at) from error
+    except ValueError:
         wanted = None
     if not isinstance(wanted, dict) or not wanted:
         raise Refusal("attribute value", document.at)
@@ -318,14 +321,16 @@ def _is_no_text(value: object) -> bool:
     return isinstance(value, str) and re.search("[\0\ud800-\udfff]", value) is not None
 
 
-def _leaves(document: Mapping[str, object], under: str, at: int) -> list[tuple[str, object]]:
+def _leaves(document: Mapping[str, object], under: str, at: int, depth: int = 1) -> list[tuple[str, object]]:
     found: list[tuple[str, object]] = []
+    if depth > DEEPEST:
+        raise Refusal("too deep", at)
     for key, value in document.items():
         if key == "" or "." in key or INDEX.fullmatch(key):
             raise Refusal("attribute name", at, what=f"'{key}'")
         match value:
             case dict() if value:
-                found += _leaves(value, f"{under}.{key}", at)
+                found += _leaves(value, f"{under}.{key}", at, depth + 1)
             case bool() | int() | float() | str() if not _is_no_text(value):
                 found.append((f"{under}.{key}", value))
             case _:

@@ -14,7 +14,7 @@ from typing import Any
 from pglast.parser import ParseError, parse_sql_json
 
 from semap.query_text.expressions import Reader
-from semap.query_text.reasons import LONGEST
+from semap.query_text.reasons import DEEPEST, LONGEST
 from semap.query_text.refusal import Refusal
 from semap.query_text.tree import Constant, Expression, Output, Range, Select, Subquery, Table
 
@@ -41,6 +41,11 @@ RANGES = {
     "RangeTableFunc": "XMLTABLE",
     "JsonTable": "JSON_TABLE",
 }
+
+DEEPEST_TREE = 8 * DEEPEST
+"""Levels of the parser's JSON, of which each level of an expression takes four at most."""
+
+PARTS = re.compile(r'"location":(?P<place>\d+)|"(?:[^"\\]|\\.)*+"|(?P<bracket>[][{}])')
 
 STATEMENTS = {
     "InsertStmt": "an INSERT",
@@ -80,15 +85,30 @@ def _parsed(text: str, hint: Callable[[str], str | None]) -> list[Node]:
     if alone is not None:
         raise Refusal("bytes", alone.start(), what="half a character")
     try:
-        parsed = json.loads(parse_sql_json(text))
+        tree = parse_sql_json(text)
+        _require_shallow(tree, text)
+        parsed = json.loads(tree)
     except ParseError as error:
         raise _syntax(text, error, hint) from error
-    except RecursionError as error:
-        raise Refusal("too deep", None) from error
     except ValueError as error:  # bytes that an escape makes and that are no UTF-8, say
         raise Refusal("bytes", None, what="an escape that makes no character") from error
     found: list[Node] = parsed.get("stmts", [])
     return found
+
+
+def _require_shallow(tree: str, text: str) -> None:
+    """Refuse a tree that is deeper than any that is understood: what JSON may be depends on the Python."""
+    depth, deepest, place = 0, 0, None
+    for found in PARTS.finditer(tree):
+        if found["place"] is not None:  # which follows the parts of what is there
+            place = int(found["place"]) if depth > DEEPEST_TREE else place
+        elif found["bracket"] is not None:
+            depth += 1 if found["bracket"] in "{[" else -1
+            deepest = max(depth, deepest)
+            if place is not None and depth == DEEPEST_TREE:
+                break
+    if deepest > DEEPEST_TREE:
+        raise Refusal("too deep", Reader(text).place(place))
 
 
 def _syntax(text: str, error: ParseError, hint: Callable[[str], str | None]) -> Refusal:

@@ -200,7 +200,7 @@ class _Translation:
             case Call(op="isA", args=(Literal(value=str(concept)),)):
                 return self.thing.is_a(concept)
             case Call(op="casei", args=(inner,)):
-                return func.lower(self.of_kind(inner, "text"))
+                return func.semap.lower_case(self.of_kind(inner, "text"), type_=Text)
             case Call(op="accenti", args=(inner,)):
                 return func.semap.without_accents(self.of_kind(inner, "text"), type_=Text)
             case Call(op="like", args=(inner, pattern)):

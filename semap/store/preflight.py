@@ -10,7 +10,8 @@ from semap.errors import ServerUnfit
 
 OLDEST_MAJOR = 15
 FIRST_WITH_GUARDED_ROLES = 16
-"""From here on CREATEROLE alone may no longer grant a role that somebody else made."""
+"""From here on CREATEROLE alone may no longer grant a role that somebody else made, and a member may act as a
+role only if that was granted, too: who creates a role may grant it, and no more."""
 
 ROLES = (
     "semap_ingest",
@@ -47,6 +48,7 @@ class Server:
     may_create_roles: bool
     missing_roles: list[str]
     foreign_roles: list[str]
+    has_icu: bool
     postgis_schema: str | None
     postgis_available: bool
     postgis_needs_superuser: bool
@@ -73,10 +75,13 @@ select current_setting('server_version_num')::int as version,
        own.rolsuper as is_superuser,
        own.rolreplication as may_replicate,
        own.rolcreaterole as may_create_roles,
-       array(select name from unnest(%(roles)s::text[]) name
-             where not exists (select from pg_roles where rolname = name)) as missing_roles,
-       array(select rolname::text from pg_roles
-             where rolname = any(%(roles)s) and not pg_has_role(oid, 'MEMBER')) as foreign_roles,
+       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+             where not exists (select from pg_roles where rolname = name) order by n) as missing_roles,
+       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+             join pg_roles on rolname = name
+             where not (pg_has_role(oid, %(act)s) or pg_has_role(oid, 'MEMBER WITH ADMIN OPTION'))
+             order by n) as foreign_roles,
+       exists (select from pg_collation where collname = 'und-x-icu') as has_icu,
        (select quote_ident(nspname) from pg_extension join pg_namespace n on n.oid = extnamespace
         where extname = 'postgis') as postgis_schema,
        exists (select from pg_available_extensions where name = 'postgis') as postgis_available,
@@ -92,6 +97,11 @@ where own.rolname = current_user
 """
 
 
+def right_to_act(server_version: int) -> str:
+    """What `pg_has_role` calls the right to SET ROLE; server_version as in server_version_num."""
+    return "SET" if server_version // 10_000 >= FIRST_WITH_GUARDED_ROLES else "MEMBER"
+
+
 def examine(conn: psycopg.Connection) -> list[Finding]:
     """Every obstacle in the connection's database for its role; nothing is changed there.
 
@@ -103,7 +113,8 @@ def examine(conn: psycopg.Connection) -> list[Finding]:
     with conn.transaction(force_rollback=True), conn.cursor(row_factory=class_row(Server)) as cursor:
         # In a database without an encoding psycopg would not take texts for texts.
         cursor.execute("set local client_encoding to 'UTF8'")
-        server = cursor.execute(LOOK, {"roles": list(ROLES)}).fetchone()
+        asked = {"roles": list(ROLES), "act": right_to_act(conn.info.server_version)}
+        server = cursor.execute(LOOK, asked).fetchone()
     assert server is not None  # noqa: S101  (a session always has a role)
     return [finding for check in CHECKS for finding in check(server)]
 
@@ -132,6 +143,15 @@ def _encoding(server: Server) -> Iterator[Finding]:
         yield (
             f"a database in UTF8 (this one is in {server.encoding})",
             "CREATE DATABASE semap TEMPLATE template0 ENCODING 'UTF8'; and use that one.",
+        )
+
+
+def _icu(server: Server) -> Iterator[Finding]:
+    # in another encoding than UTF8 there are none, which is said already
+    if not server.has_icu and server.encoding == "UTF8":
+        yield (
+            "the collations of ICU (there is no und-x-icu)",
+            "Use a PostgreSQL that is built with ICU, as those of Debian and postgresql.org are.",
         )
 
 
@@ -215,6 +235,7 @@ def _roles(server: Server) -> Iterator[Finding]:
 CHECKS: tuple[Callable[[Server], Iterator[Finding]], ...] = (
     _writable,
     _encoding,
+    _icu,
     _wal_level,
     _slot,
     _replication,

@@ -15,7 +15,7 @@ from pathlib import Path
 from fastapi import FastAPI, Request
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
-from starlette.types import Scope
+from starlette.types import Receive, Scope, Send
 
 FILES = Path(__file__).parent / "page_files"
 INDEX = "index.html"
@@ -47,9 +47,17 @@ An installed semap has it.</p>
 
 def front(request: Request) -> Response:
     """The page, or where it is not built a word on how to build it (503)."""
-    if not (FILES / INDEX).is_file():
-        return HTMLResponse(NOT_BUILT, HTTPStatus.SERVICE_UNAVAILABLE, SECURITY)
+    if not _is_built():
+        return _not_built()
     return _file(FILES / INDEX, request.headers.get("accept-encoding", ""), ASK_EACH_TIME)
+
+
+def _is_built() -> bool:
+    return (FILES / INDEX).is_file()
+
+
+def _not_built() -> Response:
+    return HTMLResponse(NOT_BUILT, HTTPStatus.SERVICE_UNAVAILABLE, SECURITY)
 
 
 def add_page(app: FastAPI) -> None:
@@ -63,7 +71,13 @@ def add_page(app: FastAPI) -> None:
 
 
 class PageFiles(StaticFiles):
-    """The built files, compressed where the browser takes that."""
+    """The built files, compressed where the browser takes that; without them, what `front` says then."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if _is_built():
+            await super().__call__(scope, receive, send)
+        else:
+            await _not_built()(scope, receive, send)
 
     def file_response(
         self,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -14,6 +13,7 @@ import psycopg
 import shapely
 import uvicorn
 from fastapi import FastAPI
+from patience import until
 from semap_service.access.limits import LIMITS, Limits
 from semap_service.app import create_app
 from semap_service.serving import OPTIONS
@@ -77,13 +77,6 @@ def guarded(dsn: str, limits: Limits = LIMITS, **options: object) -> Iterator[Gu
     finally:
         server.should_exit = True
         thread.join()
-
-
-def until(happens: Callable[[], bool], most_s: float = 20.0) -> None:
-    deadline_s = time.monotonic() + most_s
-    while not happens():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def give_tokens(service: Guarded) -> None:

@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from guarded import until
+from patience import until
 from websockets.sync.client import connect
 
 from semap.store.database import connect as connect_database

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from dataclasses import replace
 
 import httpx
 import pytest
-from guarded import Guarded, guarded, until
+from guarded import Guarded, guarded
 from hypothesis import given
 from hypothesis import strategies as st
+from patience import until
 from semap_service.access.credentials import address_of
 from semap_service.access.host import is_loopback
 from semap_service.access.limits import LIMITS
@@ -93,9 +93,7 @@ def test_a_request_that_takes_the_database_too_long_is_cancelled(database: str) 
         service.add_token("a", "read")
         with connect(service.dsn) as owner, service.client("a") as client, owner.transaction():
             owner.execute("lock table semap.concept in access exclusive mode")
-            began_s = time.monotonic()
             answer = client.get("/concepts")
-            assert time.monotonic() - began_s < 5
             assert answer.status_code == 504
             assert answer.json()["type"] == "urn:semap:problem:too-long"
             assert answer.json()["remedy"]

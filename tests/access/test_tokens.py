@@ -8,14 +8,13 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 
 import httpx
 import pytest
-from guarded import Building, Guarded, until
-from semap_service.access.known_tokens import KEPT_S
+from guarded import Building, Guarded
+from patience import until
 from semap_service.cli import commands
 from typer.testing import CliRunner
 from websockets.exceptions import ConnectionClosed
@@ -92,11 +91,9 @@ def test_a_feed_ends_when_its_token_is_revoked(building: Building) -> None:
         assert any(line.startswith("event: hello") for line in lines)
         with connect(service.dsn) as owner:
             owner.execute("update semap.token set revoked_at = now() where name = 'leaving'")
-        began_s = time.monotonic()
         assert rest_of(feed)[-1]["type"] == "error"
         assert feed.close_code == 4401
         list(lines)  # ends
-        assert time.monotonic() - began_s < KEPT_S + 5
 
 
 def rest_of(feed: ClientConnection) -> list[dict]:
@@ -211,7 +208,7 @@ def test_a_service_that_starts_without_tokens_says_how_to_make_one(database: str
             assert "Nobody has a token yet" in serving.stderr.readline()
             assert "semap token add" in serving.stderr.readline()
             with httpx.Client(base_url=f"http://127.0.0.1:{port}") as client:
-                until(lambda: answers(client, "/health"), 60)
+                until(lambda: answers(client, "/health"))
                 assert client.get("/maps").status_code == 401
                 made = CliRunner().invoke(commands(), ["token", "add", "me", "--dsn", database])
                 client.headers["Authorization"] = f"Bearer {made.stdout.strip()}"
@@ -226,6 +223,7 @@ def test_tokens_by_the_command_line(building: Building) -> None:
     def semap(*arguments: str):
         return run.invoke(commands(), ["token", *arguments, "--dsn", service.dsn])
 
+    before = datetime.now(UTC)
     made = semap("add", "robot", "--scope", "ingest", "--map", "office", "--expires", "90d")
     secret = made.stdout.strip()
     assert made.exit_code == 0
@@ -233,11 +231,8 @@ def test_tokens_by_the_command_line(building: Building) -> None:
         assert [each["name"] for each in robot.get("/maps").json()["maps"]] == ["office"]
     (row,) = (each for each in json.loads(semap("list", "--json").stdout) if each["name"] == "robot")
     assert (row["scopes"], row["maps"]) == (["ingest"], ["office"])
-    assert (
-        timedelta(days=89)
-        < datetime.fromisoformat(row["expires_at"]) - datetime.now(UTC)
-        < timedelta(days=90)
-    )
+    life = timedelta(days=90)
+    assert before + life <= datetime.fromisoformat(row["expires_at"]) <= datetime.now(UTC) + life
     assert secret.startswith(row["begins"])
     assert "robot" in semap("list").stdout
     assert semap("revoke", "robot").exit_code == 0

@@ -9,10 +9,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from threading import Event as Signal
 
 import httpx
 import pytest
+from patience import moment
 from semap_service import demo
 from semap_service.port import free_port
 from server import reachable_folder
@@ -29,7 +29,7 @@ def until(condition: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline_s
-        Signal().wait(0.05)
+        moment()
 
 
 def get(port: int, path: str) -> httpx.Response | None:

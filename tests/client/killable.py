@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 
 import httpx
+from patience import until
 from semap_service.port import free_port
 
 PATIENCE_S = 60.0
@@ -27,11 +27,8 @@ class Serving:
             [sys.executable, "-m", "semap_service", "serve", "--port", str(self.port), "--without-tokens"],
             env={**os.environ, "SEMAP_DSN": self.dsn},
         )
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not self._answers():
-            assert self.process.poll() is None
-            assert time.monotonic() < deadline_s
-            time.sleep(0.02)
+        until(lambda: self._answers() or self.process.poll() is not None)
+        assert self.process.poll() is None
 
     def kill(self) -> None:
         """As a crash does."""

@@ -9,7 +9,7 @@ import psycopg
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from server import fresh_database
+from server import ask_in_parallel, fresh_database
 
 from semap.cql2 import Call, Kind, check, parse
 from semap.cql2.check import TEMPORAL
@@ -277,7 +277,7 @@ def test_conditions_are_asked_in_parallel_plans(postgis: psycopg.Connection) -> 
         postgis.execute(
             "create table public.thing as select n, '2026-02-01' as seen from generate_series(1, 5) n"
         )
-        postgis.execute("set local force_parallel_mode = on")
+        ask_in_parallel(postgis)
         statement = (
             "select array_agg(n order by n) from public.thing"
             " where semap.condition_holds(%s, jsonb_build_object('size', n, 'seen', seen))"

@@ -28,9 +28,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
+from patience import moment
 
 PATIENCE_S = 30.0
-AGAIN_S = 0.2
 FENCE = re.compile(
     r"^(?P<indent> *)```(?P<kind>\w+)(?P<info>[^\n]*)\n(?P<body>.*?)^(?P=indent)```", re.M | re.S
 )
@@ -150,7 +150,7 @@ class Session:
                 return
             if not READS.match(command.typed) or time.monotonic() > deadline_s:
                 break
-            time.sleep(AGAIN_S)
+            moment()
         raise AssertionError(_difference(page, command, ran.stdout))
 
     def _keep_running(self, command: Command, page: str, terminals: ExitStack) -> None:
@@ -170,7 +170,7 @@ class Session:
                 return
             if is_over or time.monotonic() > deadline_s:
                 raise AssertionError(_difference(page, command, said))
-            time.sleep(AGAIN_S)
+            moment()
 
     def _answers(self) -> bool:
         try:

@@ -8,11 +8,11 @@ import random
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from threading import Event as Signal
 
 import psycopg
 import pytest
 from door_plan import SCAN_US, Door, DoorPlan
+from patience import moment
 from world import World
 
 from semap.store.database import connect
@@ -193,7 +193,7 @@ def test_amendments_are_seen_in_the_order_of_their_numbers(plan: DoorPlan) -> No
         while not world.rows(
             "select from pg_locks where locktype = 'advisory' and classid = 7368 and not granted"
         ):
-            Signal().wait(0.01)
+            moment()
         assert world.rows("select from semap.track_amendment") == []
         first.commit()
         writing.result(PATIENCE_S)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from threading import Event as Signal
 from uuid import uuid4
 
 import numpy as np
 import shapely
+from patience import moment
 from semap_ingest.mirror import Follower, count_inside, open_mirror
 from world import World
 
@@ -28,7 +28,7 @@ def until(condition: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < deadline_s
-        Signal().wait(0.01)
+        moment()
 
 
 def test_snapshot_then_changes(world: World) -> None:

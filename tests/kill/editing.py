@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 import random
-from threading import Event as Signal
 
 import psycopg
 import shapely
+from patience import any_moment, moment
 
 from semap.errors import SemapError
 from semap.store.database import connect
@@ -57,9 +57,9 @@ def main() -> None:
                 while True:
                     with connection.transaction():
                         edit(connection, dice)
-                    Signal().wait(dice.uniform(0.02, 0.3))
+                    any_moment(dice, 0.02, 0.3)
         except (psycopg.Error, SemapError):
-            Signal().wait(0.1)
+            moment()
 
 
 if __name__ == "__main__":

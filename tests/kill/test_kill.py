@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event as Signal
 
 import pytest
+from patience import any_moment, moment, until
 from play import bring_in
 from semap_service import demo
 from server import SETTINGS, reachable_folder
@@ -81,8 +81,7 @@ class Run:
         if name == "postgres":
             postmaster = int((self.cluster.data / "postmaster.pid").read_text().split()[0])
             os.kill(postmaster, signal.SIGKILL)
-            while self.cluster.is_running():
-                time.sleep(0.001)
+            until(lambda: not self.cluster.is_running())
             self.cluster.start(SETTINGS)
             return
         self.processes[name].kill()
@@ -97,7 +96,7 @@ class Run:
         deadline_s = time.monotonic() + PATIENCE_S
         while not (self.replayed() and self._all_made()):
             assert time.monotonic() < deadline_s
-            Signal().wait(0.05)
+            moment()
         self.processes["work"].terminate()
         assert self.processes["work"].wait(PATIENCE_S) == 0
         with connect(self.dsn) as connection:
@@ -147,7 +146,7 @@ def test_kills_at_random_moments_change_nothing(wanted: int, pace: str) -> None:
             runs.append(run := begin(cluster, "killed", pace))
             kills = dict.fromkeys(("work", "ingest", "postgres"), 0)
             while sum(kills.values()) < wanted:
-                Signal().wait(dice.uniform(0.05, 1.6))
+                any_moment(dice, 0.05, 1.6)
                 assert not run.replayed(), f"the replay was over after {kills}"
                 victim = min(kills, key=lambda name: kills[name] + dice.random() * 2)
                 run.kill(victim)

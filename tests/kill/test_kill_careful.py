@@ -12,11 +12,11 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from threading import Event as Signal
 
 import psycopg
 import pytest
 from editing import QUERY
+from patience import any_moment, moment
 from semap_service.operations.doctor.verification import verify
 from server import SETTINGS, reachable_folder
 from test_kill import LOGS, Run, begin
@@ -61,7 +61,7 @@ class BusyRun(Run):
     def kill(self, name: str) -> None:
         if name == "backend":
             while not self._kill_backend():
-                Signal().wait(0.05)
+                moment()
             return
         super().kill(name)
 
@@ -111,13 +111,13 @@ def test_careful_relations_survive_kills_while_the_map_is_edited() -> None:
             run.start("editor")
             kills = dict.fromkeys(("work", "ingest", "postgres", "backend", "editor"), 0)
             while sum(kills.values()) < KILLS:
-                Signal().wait(dice.uniform(0.05, 1.6))
+                any_moment(dice, 0.05, 1.6)
                 assert not run.replayed(), f"the replay was over after {kills}"
                 victim = min(kills, key=lambda name: kills[name] + dice.random() * 2)
                 run.kill(victim)
                 kills[victim] += 1
             while not run.replayed():
-                Signal().wait(0.1)
+                moment()
             editor = run.processes.pop("editor")
             editor.kill()
             editor.wait()

@@ -18,6 +18,7 @@ from uuid import NAMESPACE_URL, uuid4, uuid5
 
 import httpx
 import psycopg
+from patience import moment
 from semap_service import demo
 
 from semap.store.database import connect
@@ -60,7 +61,7 @@ class Served:
                 if httpx.get(f"{self.url}/health", timeout=5).is_success:
                     return self
             except httpx.TransportError:
-                time.sleep(0.05)
+                moment()
 
     def kill(self) -> None:
         assert self.process is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -113,15 +114,23 @@ def test_a_peer_that_is_not_here_is_a_row_that_says_so(
     ]
 
 
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (sys.version_info[:2], r"^Flink's Python could not be installed: "),
+        ((2, 0), r"^Flink's Python functions need one of Python 2\.0, and none was found\.$"),
+    ],
+)
 def test_a_python_that_cannot_be_installed_is_missing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, version: tuple[int, int], said: str
 ) -> None:
     (tmp_path / "pyflink" / "opt").mkdir(parents=True)
     (tmp_path / "pyflink" / "opt" / "flink-python-2.3.0.jar").touch()
     (tmp_path / "packages.txt").write_text("not-a-folder-of-packages @ file:///nowhere\n")
     monkeypatch.setattr(python_environment, "HOME", tmp_path)
     monkeypatch.setattr(python_environment, "PACKAGES", tmp_path / "packages.txt")
-    with pytest.raises(FlinkMissing, match=r"^Flink's Python could not be installed: "):
+    monkeypatch.setattr(python_environment, "PYTHONS", (version,))
+    with pytest.raises(FlinkMissing, match=said):
         python_environment.make_python()
     with pytest.raises(FlinkMissing, match=r"run \./dev flink once\.$"):
         python_environment.find_python()

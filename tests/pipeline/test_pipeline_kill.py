@@ -8,9 +8,9 @@ import signal
 import subprocess
 import sys
 import time
-from threading import Event as Signal
 
 import pytest
+from patience import any_moment, moment, until
 from semap_service.map_file import bring_in, read_file
 from server import SETTINGS, reachable_folder
 from stored_results import stored
@@ -45,8 +45,7 @@ def end(process: subprocess.Popen) -> None:
 def kill_server(cluster: Cluster) -> None:
     postmaster = int((cluster.data / "postmaster.pid").read_text().split()[0])
     os.kill(postmaster, signal.SIGKILL)
-    while cluster.is_running():
-        time.sleep(0.001)
+    until(lambda: not cluster.is_running())
     cluster.start(SETTINGS)
 
 
@@ -74,7 +73,7 @@ def test_kills_at_random_moments_change_nothing(office):
             dsn = with_map(cluster, "killed", office)
             process = begun(dsn, recording, PACE)
             while sum(kills.values()) < 8:
-                Signal().wait(dice.uniform(0.5, 4.0))
+                any_moment(dice, 0.5, 4.0)
                 assert process.poll() is None, f"{process.stderr.read()} after {kills}"
                 victim = min(kills, key=lambda name: kills[name] + 2 * dice.random())
                 kills[victim] += 1
@@ -101,7 +100,7 @@ def test_ctrl_c_says_how_to_go_on(office_map, office):
     while not stored(office_map)["lines"]:
         assert time.monotonic() < deadline_s
         assert process.poll() is None, process.stderr.read()
-        Signal().wait(0.2)
+        moment()
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130

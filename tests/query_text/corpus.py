@@ -196,7 +196,11 @@ REFUSED = [
     # the text as a whole: reason, text, what stands where it is refused
     ("too long", "select 1 -- " + "x" * 1_000_000, None),
     ("too deep", HEAD + "(" * 15_000, None),
-    ("too deep", HEAD + "not " * 2000 + "true", None),
+    ("too deep", HEAD + "not " * 2000 + "true", "not not"),
+    ("too deep", HEAD + "r.attributes @> '" + '{"a":' * 51 + "1" + "}" * 51 + "'", "'{"),
+    ("too deep", HEAD + "r.attributes @> '" + '{"a":' * 3000 + "1" + "}" * 3000 + "'", "'{"),
+    ("too deep", "select 1" + "+1" * 9_000, "+1"),
+    ("too deep", "select 1 from " + "(" * 600 + "track" + " join room on true)" * 600, "true) join room"),
     ("too deep", HEAD + "not " * 60 + "true", "not not"),
     ("bytes", "select '\0'", "\0"),
     ("bytes", "select '\ud800'", "\ud800"),

@@ -1,10 +1,9 @@
-"""Whatever the text is, it becomes a declaration or is refused, soon and with a place within it."""
+"""Whatever the text is, it becomes a declaration or is refused with a place within it."""
 
 from __future__ import annotations
 
 import random
 import re
-import time
 
 from corpus import ACCEPTED, CONCEPTS, REFUSED
 from hypothesis import example, given, settings
@@ -20,14 +19,11 @@ WORDS = sorted({
     word for text in [each.sql for each in ACCEPTED] + [sql for _, sql, _ in REFUSED if len(sql) < 1000]
     for word in re.findall(r"\w+|'[^']*'|[^\w\s]+", text)
 })  # fmt: skip
-LONGEST_S = 2.0
 
 
 def survives(sql: str) -> bool:
     """Whether it is understood; fails for whatever is neither that nor a refusal."""
-    began = time.monotonic()
     made = declared(sql)
-    assert time.monotonic() - began < LONGEST_S
     if isinstance(made, InvalidInput):
         assert made.remedy, str(made)
         assert str(made).strip()

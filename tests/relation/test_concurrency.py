@@ -6,11 +6,11 @@ import random
 import time
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event as Signal
 
 import psycopg
 import pytest
 import shapely
+from patience import moment
 from world import SECOND_US, World
 
 from semap.store.database import connect
@@ -29,7 +29,7 @@ def await_lock(observer: psycopg.Connection) -> None:
         is None
     ):
         assert time.monotonic() < deadline_s
-        Signal().wait(0.01)
+        moment()
 
 
 def copy_state(dsn: str, track_id: int, stamp_us: int, place: tuple[float, float]) -> None:

@@ -13,7 +13,7 @@ import shapely
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
-from server import fresh_database
+from server import ask_in_parallel, fresh_database
 from shapely import affinity
 
 from semap.store.database import connect
@@ -367,7 +367,7 @@ def test_what_is_no_covariance_or_no_area_is_refused(
 def test_it_is_asked_in_parallel_plans(postgis: psycopg.Connection) -> None:
     with postgis.transaction(force_rollback=True):
         postgis.execute("create table public.place as select n::float8 as x from generate_series(0, 4) n")
-        postgis.execute("set local force_parallel_mode = on")
+        ask_in_parallel(postgis)
         found = postgis.execute(
             "select array_agg((semap.probability_inside(st_makeenvelope(0, -90, 90, 90), x, 0, 1, 0, 1)).probability order by x)"
             " from public.place"

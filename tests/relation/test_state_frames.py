@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
@@ -10,6 +9,7 @@ import numpy as np
 import psycopg
 import pytest
 import shapely
+from patience import until
 from semap_ingest.state_frame import insert_frame, pack_frame
 from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
@@ -292,16 +292,8 @@ def test_what_cannot_become_rows_keeps_no_other_source_from_it(world: World, tra
 
 
 def await_frames(world: World, most: int, source_id: int | None = None) -> None:
-    deadline_s = time.monotonic() + 30
-    while (
-        world.one(
-            "select count(*) from semap.track_state_frame where source_id = coalesce(%s, source_id)",
-            source_id,
-        )
-        > most
-    ):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
+    asked = "select count(*) from semap.track_state_frame where source_id = coalesce(%s, source_id)"
+    until(lambda: world.one(asked, source_id) <= most)
 
 
 def test_a_day_without_a_partition(world: World, tracks: list[int]) -> None:
@@ -347,7 +339,6 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
             for turn in range(15):
                 connection.execute("update semap.abstraction set geometry = %s where geometry && 'POINT(1 1)'::geometry",
                                    [shapely.to_wkb(shapely.box(0, 0, 3 + turn % 2, 4), hex=True)])  # fmt: skip
-                time.sleep(0.02)
 
     with settling(world.dsn), ThreadPoolExecutor() as pool:
         for done in [*(pool.submit(write, number) for number in range(4)), pool.submit(edit)]:

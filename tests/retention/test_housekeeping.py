@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from threading import Event as Signal
 from unittest.mock import patch
 
 import pytest
 from past_days import bits, make_partitions, midnight, retain, stored, write
+from patience import moment
 from rule_work import await_event_of, running_worker
 from shapely import box
 from world import SECOND_US, World
@@ -24,7 +24,7 @@ def await_true(ask: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     while not ask():
         assert time.monotonic() < deadline_s
-        Signal().wait(0.02)
+        moment()
 
 
 def test_old_states_are_packed_while_events_are_made(world: World) -> None:

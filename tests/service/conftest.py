@@ -1,10 +1,10 @@
 import threading
-import time
 from collections.abc import Iterator
 
 import psycopg
 import pytest
 import uvicorn
+from patience import until
 from running import Service
 from semap_service.app import create_app
 from semap_service.serving import OPTIONS
@@ -30,9 +30,8 @@ def service(database: str, plain: psycopg.Connection) -> Iterator[Service]:
     thread = threading.Thread(target=server.run)
     thread.start()
     try:
-        while not server.started:
-            assert thread.is_alive()
-            time.sleep(0.005)
+        until(lambda: server.started or not thread.is_alive())
+        assert server.started
         port = server.servers[0].sockets[0].getsockname()[1]
         running = Service(port, plain, app, server)
         running.until(lambda: app.state.feed.connected)

@@ -9,12 +9,12 @@ import os
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import httpx
 import uvicorn
+from patience import until
 from running import Service
 from semap_service.app import create_app
 from semap_service.port import free_port
@@ -43,9 +43,8 @@ def lasting_service(cluster: Cluster, template: str, **options: object) -> Itera
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run)
         thread.start()
-        while not server.started:
-            assert thread.is_alive()
-            time.sleep(0.005)
+        until(lambda: server.started or not thread.is_alive())
+        assert server.started
         port = server.servers[0].sockets[0].getsockname()[1]
         running = Service(port, plain, app, server)
         running.until(lambda: app.state.feed.connected)
@@ -70,14 +69,6 @@ def serving(dsn: str, *options: str) -> Iterator[tuple[subprocess.Popen[bytes], 
     finally:
         process.kill()
         process.wait()
-
-
-def until(happens: Callable[[], bool]) -> None:
-    """Wait as long as things take on a machine that has much else to do."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not happens():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
 
 
 def answers(url: str) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -19,6 +18,7 @@ import trimesh
 import uvicorn
 from fastapi import FastAPI
 from jsonschema import Draft202012Validator
+from patience import until
 from semap_service.app import create_app
 from semap_service.feed import Feed
 from shapely.geometry import mapping
@@ -94,10 +94,7 @@ class Service:
         raise AssertionError(f"{request.url} is not published")
 
     def until(self, happens: Callable[[], bool]) -> None:
-        deadline_s = time.monotonic() + 10
-        while not happens():
-            assert time.monotonic() < deadline_s
-            time.sleep(0.005)
+        until(happens)
 
     def get(self, path: str, **parameters: object) -> dict:
         response = self.client.get(path, params=parameters)

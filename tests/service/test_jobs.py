@@ -17,7 +17,8 @@ import numpy as np
 import psycopg
 import pytest
 import shapely
-from lasting import PATIENCE_S, lasting_service, until
+from lasting import PATIENCE_S, lasting_service
+from patience import until
 from running import Service, box_mesh
 from semap_service import demo
 from semap_service.access.caller import ANYONE

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from lasting import answers, serving, until
+from lasting import answers, serving
+from patience import until
 
 LINES, LINE_BYTES = 250, 1_000_000
 MOST_GROWTH_BYTES = 48 * 1024**2

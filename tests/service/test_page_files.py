@@ -30,6 +30,13 @@ def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def unbuilt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that is not there; asked for before `get`, whose app remembers it."""
+    monkeypatch.setattr(page, "FILES", tmp_path / "page_files")
+    return page.FILES
+
+
+@pytest.fixture
 def get() -> Get:
     """Asks an app that has the page and nothing else."""
     app = FastAPI()
@@ -97,10 +104,18 @@ def test_nothing_else_is_sent(get: Get, path: str) -> None:
     assert get(path).status_code == 404
 
 
-def test_without_the_page_the_service_says_how_to_build_it(
-    get: Get, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(page, "FILES", tmp_path / "none")
-    front = get("/")
-    assert front.status_code == 503
-    assert "./dev page" in front.text
+@pytest.mark.parametrize("path", ["/", f"/page/{SCRIPT}", "/page/assets/", "/page/icon.svg", "/page/%00"])
+def test_without_the_page_the_service_says_how_to_build_it(unbuilt: Path, get: Get, path: str) -> None:
+    for _ in ("no folder", "a folder without a page"):
+        said = get(path)
+        assert (said.status_code, said.headers["content-type"]) == (503, "text/html; charset=utf-8")
+        assert "./dev page" in said.text
+        unbuilt.mkdir(exist_ok=True)
+
+
+def test_a_page_that_is_built_meanwhile_is_served(unbuilt: Path, get: Get) -> None:
+    assert get("/page/icon.svg").status_code == 503
+    unbuilt.mkdir()
+    (unbuilt / "index.html").touch()
+    (unbuilt / "icon.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    assert get("/page/icon.svg").status_code == 200

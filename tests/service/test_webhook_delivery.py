@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from lasting import lasting_service, until
+from lasting import lasting_service
+from patience import until
 from receiving import Received, Receiver
 from running import Service
 from semap_service.webhooks.deliverer import WebhookSettings

@@ -6,7 +6,8 @@ import json
 
 import httpx
 import pytest
-from lasting import answers, serving, until
+from lasting import answers, serving
+from patience import until
 from receiving import Receiver
 from standardwebhooks.webhooks import Webhook
 

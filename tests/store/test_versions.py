@@ -5,6 +5,7 @@ from uuid import uuid4
 
 import pytest
 import shapely
+from server import OWNER
 from sqlalchemy import Engine
 
 from semap.errors import Conflict, InvalidInput, NotFound
@@ -89,7 +90,7 @@ def test_a_change_set_says_who_did_what_and_why(engine: Engine, office: int) -> 
     with engine.begin() as connection:
         connection.exec_driver_sql("update semap.instance set alias = 'x'")
     with engine.begin() as connection:
-        assert history.list_change_sets(connection, limit=1)[0].author == "postgres"
+        assert history.list_change_sets(connection, limit=1)[0].author == OWNER
 
 
 def test_undo_takes_a_change_set_back_unless_it_was_changed_since(engine: Engine, office: int) -> None:

@@ -10,6 +10,7 @@ from threading import Thread
 
 import pytest
 from door_scene import PAPER, DoorScene
+from patience import any_moment
 from rule_work import await_progress, running_worker
 from world import World
 
@@ -108,7 +109,7 @@ def test_nothing_is_lost_or_doubled_at_the_seam_while_states_come(world: World, 
     with running_worker(world.dsn):
         writer.start()
         for name, document in RULES.items():
-            Signal().wait(dice.uniform(0, 0.1))
+            any_moment(dice, 0, 0.1)
             scene.add_rule(name, document, backfill_from_s=0)
             if dice.random() < 0.5:
                 world.run(

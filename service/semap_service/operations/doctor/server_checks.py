@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 import psycopg
 
-from semap.store.preflight import ROLES, examine
+from semap.store.preflight import ROLES, examine, right_to_act
 from semap.store.schema import database_version, head_version, is_current
 from semap_service.operations.doctor.finding import DatabaseCheck, Trouble, listed, warn, wrong
 
@@ -52,10 +52,11 @@ def _roles(connection: psycopg.Connection) -> Iterator[Trouble]:
     if missing := [name for name in wanted if name not in there]:
         yield wrong(f"missing roles: {listed(missing)}", "Run: semap db migrate")
         return
+    act = right_to_act(connection.info.server_version)
     foreign = [
         name
         for name in wanted
-        if connection.execute("select pg_has_role(current_user, %s, 'member')", [name]).fetchone() == (False,)
+        if connection.execute("select pg_has_role(current_user, %s, %s)", [name, act]).fetchone() == (False,)
     ]
     if foreign:
         yield wrong(
