@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import re
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import fastapi_offline
@@ -77,6 +80,7 @@ from semap_service.routes import (
     webhooks,
     whereabouts,
 )
+from semap_service.security_headers import PAGE_POLICY
 from semap_service.upload import LimitedBody
 from semap_service.webhooks.deliverer import WEBHOOKS, Deliverer, WebhookSettings
 
@@ -85,6 +89,7 @@ CONNECTIONS = 20
 HEARTBEAT_S = 15.0
 TICK_S = 1.0
 SWAGGER = "/docs/files"
+SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 DESCRIPTION = """
 A semantic map with continuous queries: what is where, who is in which room, and what happened.
@@ -229,15 +234,25 @@ def create_app(
 def _add_docs(app: FastAPI) -> None:
     """Interactive documentation that loads nothing from other hosts."""
 
+    page = get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title="semap",
+        swagger_js_url=f"{SWAGGER}/swagger-ui-bundle.js",
+        swagger_css_url=f"{SWAGGER}/swagger-ui.css",
+        swagger_favicon_url=f"{SWAGGER}/favicon.png",
+    )
+    page.headers["Content-Security-Policy"] = f"{PAGE_POLICY}; {_own_scripts(bytes(page.body))}"
+
     @app.get("/docs", include_in_schema=False)
     def docs() -> HTMLResponse:
-        return get_swagger_ui_html(
-            openapi_url="/openapi.json",
-            title="semap",
-            swagger_js_url=f"{SWAGGER}/swagger-ui-bundle.js",
-            swagger_css_url=f"{SWAGGER}/swagger-ui.css",
-            swagger_favicon_url=f"{SWAGGER}/favicon.png",
-        )
+        return page
 
     files = Path(fastapi_offline.__file__).parent / "static"
     app.mount(SWAGGER, StaticFiles(directory=files), name="swagger")
+
+
+def _own_scripts(page: bytes) -> str:
+    """The directives by which a page may run the scripts that are written in it, and no others."""
+    digests = (base64.b64encode(sha256(each).digest()).decode() for each in SCRIPT.findall(page))
+    allowed = " ".join(f"'sha256-{each}'" for each in digests)
+    return f"script-src 'self' {allowed}; style-src 'self' 'unsafe-inline'"
