@@ -31,14 +31,15 @@ from semap_service.feed.subscription import Pace
 from semap_service.head import Headed
 from semap_service.jobs.body_limit import body_limit
 from semap_service.jobs.runner import JOBS, JobRunner, JobSettings
+from semap_service.json_body import BoundedJson
 from semap_service.live.watch import Watches
-from semap_service.openapi import describer
+from semap_service.openapi import add_description, describer
 from semap_service.operations.instruments import Instruments
 from semap_service.operations.metrics import Metrics
 from semap_service.operations.observation import Observation, Routed
 from semap_service.origin import OwnOrigin, require_origin
 from semap_service.page import add_page
-from semap_service.problem import answer_problems, unexpected
+from semap_service.problem import answer_problems, published_methods, unexpected
 from semap_service.routes import (
     abstractions,
     anchor,
@@ -203,6 +204,7 @@ def create_app(
         description=DESCRIPTION,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
+        openapi_url=None,
         docs_url=None,
         redoc_url=None,
     )
@@ -211,11 +213,12 @@ def create_app(
         app.include_router(resource.router)
     app.include_router(event_feed.router)
     app.include_router(live.router)
-    _add_docs(app)
-    add_page(app)
+    app.state.methods = published_methods(each.router for each in RESOURCES)
+    _add_documents(app)
     app.add_middleware(Routed)
     app.add_middleware(Compressed)
     app.add_middleware(Headed)
+    app.add_middleware(BoundedJson)
     app.add_middleware(
         LimitedBody,
         limit_of=lambda scope: body_limit(scope, job_settings.most_bytes),
@@ -231,8 +234,10 @@ def create_app(
     return app
 
 
-def _add_docs(app: FastAPI) -> None:
-    """Interactive documentation that loads nothing from other hosts."""
+def _add_documents(app: FastAPI) -> None:
+    """The page, /openapi.json, and interactive documentation, which loads nothing from other hosts."""
+    add_description(app)
+    add_page(app)
 
     page = get_swagger_ui_html(
         openapi_url="/openapi.json",

@@ -10,11 +10,11 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Coroutine
+from functools import wraps
 from http import HTTPStatus
 from typing import Any, TypeAlias
 
 from fastapi import Request, Response
-from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
@@ -29,13 +29,10 @@ TAG = re.compile(r'(W/)?("[^"]*")')
 
 
 class TaggedRoute(APIRoute):
-    """A route whose answers carry a strong ETag."""
+    """A route whose answers carry a strong ETag, and are written in the thread that makes them."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        # An explicit class, so that every version of FastAPI renders the bytes that `etag_of` hashes.
-        if options.get("response_class") is None or not isinstance(options["response_class"], type):
-            options["response_class"] = JSONResponse
-        super().__init__(*arguments, **options)
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        super().__init__(path, _writing(endpoint, options.get("status_code")), **options)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         answer = super().get_route_handler()
@@ -59,8 +56,30 @@ class TaggedRoute(APIRoute):
 def etag_of(representation: Representation) -> str:
     """The strong ETag of a document, or of bytes that are sent as they are."""
     if isinstance(representation, BaseModel):
-        representation = bytes(JSONResponse(representation.model_dump(mode="json")).body)
+        representation = written(representation)
     return f'"{hashlib.blake2b(representation, digest_size=16).hexdigest()}"'
+
+
+def written(document: BaseModel) -> bytes:
+    """A document as it is sent."""
+    return document.model_dump_json(by_alias=True).encode()
+
+
+def _writing(endpoint: Callable[..., Any], status: int | None) -> Callable[..., Any]:
+    """An endpoint that gives the bytes of its document, with the headers that were set beside it."""
+
+    @wraps(endpoint)
+    def answer(**values: Any) -> Any:
+        given = endpoint(**values)
+        if not isinstance(given, BaseModel):
+            return given
+        response = Response(written(given), status or HTTPStatus.OK, media_type="application/json")
+        for beside in values.values():
+            if isinstance(beside, Response):
+                response.headers.raw.extend(beside.headers.raw)
+        return response
+
+    return answer
 
 
 def names(header: str, etag: str, *, weakly: bool = False) -> bool:
