@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Coroutine
 from functools import wraps
 from http import HTTPStatus
+from inspect import iscoroutinefunction
 from typing import Any, TypeAlias
 
 from fastapi import Request, Response
@@ -67,6 +68,9 @@ def written(document: BaseModel) -> bytes:
 
 def _writing(endpoint: Callable[..., Any], status: int | None) -> Callable[..., Any]:
     """An endpoint that gives the bytes of its document, with the headers that were set beside it."""
+
+    if iscoroutinefunction(endpoint):
+        return endpoint
 
     @wraps(endpoint)
     def answer(**values: Any) -> Any:

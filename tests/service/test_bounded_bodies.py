@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import inspect
+import itertools
 import json
 import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,6 +24,8 @@ from semap_service.document import Request
 from semap_service.json_body import BESIDE_BYTES, MOST_BYTES, UPLOADS, BoundedJson
 from semap_service.json_values import MOST_VALUES, require_few_values
 from semap_service.routes import operators
+from semap_service.upload import LimitedBody
+from starlette.exceptions import HTTPException
 
 from semap.errors import TooLarge
 
@@ -232,3 +236,32 @@ def test_a_large_file_is_read_by_a_process_of_its_own(service: Service) -> None:
     assert [(each["kind"], each["state"]) for each in jobs] == [("map_import", "done")]
     broken = service.client.post("/maps/import", files={"file": ("broken.geojson", plan[:-1])})
     assert (broken.status_code, broken.json()["instance"]) == (422, "/maps/import")
+
+
+@pytest.mark.parametrize(("part", "ends"), [(b"x", True), (b"x" * 20_000, False)], ids=["trickle", "flow"])
+def test_a_body_that_trickles_is_given_up(monkeypatch: pytest.MonkeyPatch, part: bytes, ends: bool) -> None:
+    """Ten seconds pass with each part, by the clock that it looks at."""
+    ticks = itertools.count(0, 10)
+    monkeypatch.setattr("semap_service.upload.time", SimpleNamespace(monotonic=lambda: float(next(ticks))))
+    left = [part] * 40
+
+    async def receive() -> dict:
+        return {"type": "http.request", "body": left.pop(), "more_body": bool(left)}
+
+    async def read_all(scope, receive, send) -> None:
+        while (await receive())["more_body"]:
+            pass
+
+    async def send(message) -> None:
+        raise AssertionError(message)
+
+    reading = LimitedBody(read_all, stall_s=30)(
+        {"type": "http", "method": "POST", "path": "/maps", "headers": []}, receive, send
+    )
+    if ends:
+        with pytest.raises(HTTPException, match="408"):
+            asyncio.run(reading)
+        assert len(left) > 30
+    else:
+        asyncio.run(reading)
+        assert left == []
