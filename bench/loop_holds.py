@@ -85,6 +85,7 @@ class Watched:
 def serve(dsn: str, port: int) -> None:
     """The service as it runs for users, but for the rate of requests."""
     app = create_app(dsn, without_tokens=True, limits=replace(LIMITS, rate_per_s=1e6))
+    app.openapi()
     run(Watched(app), "127.0.0.1", port)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from functools import wraps
 from http import HTTPStatus
 from inspect import iscoroutinefunction
@@ -33,7 +33,7 @@ class TaggedRoute(APIRoute):
     """A route whose answers carry a strong ETag, and are written in the thread that makes them."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
-        super().__init__(path, _writing(endpoint, options.get("status_code")), **options)
+        super().__init__(path, _writing(endpoint, options), **options)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         answer = super().get_route_handler()
@@ -61,13 +61,19 @@ def etag_of(representation: Representation) -> str:
     return f'"{hashlib.blake2b(representation, digest_size=16).hexdigest()}"'
 
 
-def written(document: BaseModel) -> bytes:
+def written(document: BaseModel, *, is_brief: bool = False) -> bytes:
     """A document as it is sent."""
-    return document.model_dump_json(by_alias=True).encode()
+    return document.model_dump_json(by_alias=True, exclude_none=is_brief).encode()
 
 
-def _writing(endpoint: Callable[..., Any], status: int | None) -> Callable[..., Any]:
-    """An endpoint that gives the bytes of its document, with the headers that were set beside it."""
+def _writing(endpoint: Callable[..., Any], options: Mapping[str, Any]) -> Callable[..., Any]:
+    """An endpoint that gives the bytes of its document, with the headers that were set beside it.
+
+    options  of its route: the status, the media type, and whether members that are null are left out
+    """
+    status = options.get("status_code") or HTTPStatus.OK
+    media_type = getattr(options.get("response_class"), "media_type", None) or "application/json"
+    is_brief = bool(options.get("response_model_exclude_none"))
 
     if iscoroutinefunction(endpoint):
         return endpoint
@@ -77,7 +83,7 @@ def _writing(endpoint: Callable[..., Any], status: int | None) -> Callable[..., 
         given = endpoint(**values)
         if not isinstance(given, BaseModel):
             return given
-        response = Response(written(given), status or HTTPStatus.OK, media_type="application/json")
+        response = Response(written(given, is_brief=is_brief), status, media_type=media_type)
         for beside in values.values():
             if isinstance(beside, Response):
                 response.headers.raw.extend(beside.headers.raw)

@@ -111,7 +111,6 @@ class Problem(BaseModel):
                     "instance": "/maps/office",
                     "remedy": "List the maps to see their names.",
                     "errors": [],
-                    "more_errors": 0,
                 }
             ]
         }
@@ -126,7 +125,9 @@ class Problem(BaseModel):
     errors: list[Place] = Field(
         max_length=MOST_PLACES, description="The places in the request that are wrong, the first of them."
     )
-    more_errors: int = Field(default=0, ge=0, description="How many more there are.")
+    more_errors: int = Field(
+        default=0, ge=0, description="How many more there are; left out where these are all."
+    )
     request_id: str = Field(
         default_factory=current_request_id,
         description="The id of the request, as the log of the service has it.",
@@ -173,7 +174,8 @@ def problem_response(
         errors=(errors or [])[:MOST_PLACES],
         more_errors=max(len(errors or ()) - MOST_PLACES, 0) + more_errors,
     )
-    return JSONResponse(problem.model_dump(), status, headers, MEDIA_TYPE)
+    content = problem.model_dump(exclude=None if problem.more_errors else {"more_errors"})
+    return JSONResponse(content, status, headers, MEDIA_TYPE)
 
 
 def places(error: RequestValidationError) -> tuple[list[Place], int]:

@@ -185,6 +185,7 @@ def serve(
             webhook_settings=WebhookSettings(allow_private=allow_private_webhooks),
         )
         with traced("semap serve", app):
+            app.openapi()  # which would keep the first who asks, and others, waiting
             run(app, host, port, timeout_graceful_shutdown=GRACE_S)
 
 
