@@ -27,6 +27,7 @@ from bench import (
     imports,
     latency,
     looking_back,
+    loop_holds,
     office,
     operators,
     page,
@@ -103,6 +104,12 @@ BENCHMARKS = {
         feed.measure,
         "about three minutes a round",
         repeated=True,
+    ),
+    "loop_holds": Benchmark(
+        "every operation is asked what means no good, and a heartbeat in the loop of the service listens",
+        f"hold_ms at most {loop_holds.GOAL_MS:g}",
+        loop_holds.measure,
+        "about half an hour",
     ),
     "abstractions": Benchmark(
         "all abstractions of meshes of a million triangles",

@@ -44,6 +44,7 @@ create or replace function semap.forget_maps(p_worker text, p_maps integer[]) re
 language sql as $$
   delete from semap.event_evidence v using semap.event e where v.event_id = e.event_id and e.map_id = any (p_maps);
   delete from semap.event where map_id = any (p_maps);
+  delete from semap.event_count where map_id = any (p_maps);
   delete from semap.recompute_run where map_id = any (p_maps);
   delete from semap.pending_row where worker = p_worker and map_id = any (p_maps);
   delete from semap.late_row where map_id = any (p_maps)

@@ -52,12 +52,15 @@ begin
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_state_seen, semap.track_amendment,'
     ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.object_state, semap.rule,'
-    ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event, semap.event_evidence,'
+    ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count, semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'
     ' semap.track_place, semap.track_present, semap.track_amended, semap.retention'
     ' to ' || c_own;
-  execute 'grant select (worker, lsn, event_seq, updated_at) on semap.progress to ' || c_own;
+  -- the place of an event among those of all maps, and how far the log is, would tell how much happens on others
+  execute 'grant select (event_id, map_id, rule_name, rule_version, type, stamp, cause, track_id, track_name, instance_id,'
+    ' instance_name, since, created_at, key, measures, confidence, by_batch) on semap.event to ' || c_own;
+  execute 'grant select (worker) on semap.progress to ' || c_own;
 end $$;
 
 -- Tokens are secrets of those who keep them: what can be seen by all others is not that they exist.

@@ -29,7 +29,9 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "query_track", "region", "region_cell", "region_edge",
     ),
     "changes": ("relation_change", "object_state", "door_now"),
-    "events and evidence": ("event", "event_evidence", "event_amendment", "recompute_run"),
+    "events and evidence": (
+        "event", "event_number", "event_count", "event_evidence", "event_amendment", "recompute_run",
+    ),
     "rules and their state": (
         "rule", "rule_query", "rule_version", "rule_state", "pending_row", "late_row", "progress",
     ),

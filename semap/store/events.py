@@ -1,13 +1,15 @@
 """Events in the order in which they were committed.
 
 The number of an event (`seq`) is its place: events become visible in the order of their numbers, so
-that whoever has seen number n has seen everything up to it.
+that whoever has seen number n has seen everything up to it. There are two such orders: that of all maps,
+and that of each map by itself, for readers who must not learn from gaps how much happens elsewhere. What
+asks for events of `own` numbers asks for those of one map by the second.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 from uuid import UUID
@@ -20,7 +22,16 @@ from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
 from semap.model.event import Evidence
 from semap.store.database import translated
 from semap.store.maps import map_id_of
-from semap.store.tables import abstraction, event, event_amendment, event_evidence, map_, progress
+from semap.store.tables import (
+    abstraction,
+    event,
+    event_amendment,
+    event_count,
+    event_evidence,
+    event_number,
+    map_,
+    progress,
+)
 
 LOOKED_AT = 10_000
 """Events among which one read looks for those that are wanted."""
@@ -35,6 +46,7 @@ class StoredEvent:
     by_batch    whether the batch layer made it
     created_at  when it was written, by the database's clock
     place       where its track was then, else where its instance is: WKB, in the map frame
+    own_seq     its number among the events of its map
     """
 
     seq: int
@@ -59,6 +71,11 @@ class StoredEvent:
     created_at: datetime
     place: bytes | None
     evidence: tuple[Evidence, ...]
+    own_seq: int = 0
+
+    def of_its_map(self) -> StoredEvent:
+        """The same as those see it who may see its map only."""
+        return replace(self, seq=self.own_seq)
 
 
 @dataclass(frozen=True)
@@ -86,12 +103,18 @@ def read_stretch(
     map_name: str | None = None,
     event_type: str | None = None,
     rule_name: str | None = None,
+    own: bool = False,
 ) -> Stretch:
     """Events after a number in their order, looked for among so few that it takes a bounded time.
 
     limit  at most so many, however many fit
+    own    by the numbers of the map, which is named then
     """
-    near = select(event.c.seq).where(event.c.seq > after).order_by(event.c.seq).limit(LOOKED_AT).subquery()
+    number = event_number.c.number if own else event.c.seq
+    nearest = select(number.label("seq")).where(number > after).order_by(number).limit(LOOKED_AT)
+    if own:
+        nearest = nearest.join(map_, map_.c.map_id == event_number.c.map_id).where(map_.c.name == map_name)
+    near = nearest.subquery()
     with translated():
         last, count = connection.execute(select(func.max(near.c.seq), func.count(near.c.seq))).one()
     if last is None:
@@ -104,6 +127,7 @@ def read_stretch(
         map_name=map_name,
         event_type=event_type,
         rule_name=rule_name,
+        own=own,
     )
     if len(events) == limit:
         return Stretch(events, events[-1].seq, is_full=True)
@@ -119,11 +143,12 @@ def list_events(
     map_name: str | None = None,
     event_type: str | None = None,
     rule_name: str | None = None,
+    own: bool = False,
 ) -> tuple[StoredEvent, ...]:
     """At most `limit` events with numbers above `after`, and not above `until`, in their order."""
-    found = NEXT_EVENTS
+    found = _NEXT_OWN_EVENTS if own else NEXT_EVENTS
     if until is not None:
-        found = found.where(event.c.seq <= until)
+        found = found.where((event_number.c.number if own else event.c.seq) <= until)
     if map_name is not None:
         found = found.where(map_.c.name == map_name)
     if event_type is not None:
@@ -149,7 +174,13 @@ def take_events(
 
 
 def list_events_between(
-    connection: Connection, map_name: str, start: datetime, end: datetime, *, limit: int = 100
+    connection: Connection,
+    map_name: str,
+    start: datetime,
+    end: datetime,
+    *,
+    limit: int = 100,
+    own: bool = False,
 ) -> tuple[StoredEvent, ...]:
     """At most `limit` events of a map from `start` to `end`, both included, in the order of their stamps.
 
@@ -158,36 +189,49 @@ def list_events_between(
     map_id = map_id_of(connection, map_name)
     within = (event.c.map_id == map_id, event.c.stamp >= start, event.c.stamp <= end)
     with translated():
-        rows = connection.execute(
-            EVENTS.where(*within).order_by(event.c.stamp, event.c.seq).limit(limit)
-        ).all()
+        found = (_OWN_EVENTS if own else EVENTS).where(*within)
+        rows = connection.execute(found.order_by(event.c.stamp, event_number.c.number).limit(limit)).all()
     return tuple(_event(row) for row in rows)
 
 
-def newest_event(connection: Connection) -> int:
-    """The number of the newest event; 0 where there was none. It does not go back when a map is deleted."""
+def newest_event(connection: Connection, of_map: str | None = None) -> int:
+    """The number of the newest event; 0 where there was none. It does not go back when events are deleted.
+
+    of_map  by the numbers of this map, and not by those of all
+    """
+    newest = _NEWEST
+    if of_map is not None:
+        newest = _NEWEST_OF_MAPS.with_only_columns(event_count.c.newest).where(map_.c.name == of_map)
     with translated():
-        return int(connection.scalar(_NEWEST) or 0)
+        return int(connection.execute(newest).scalar_one_or_none() or 0)
 
 
-def take_newest(connection: psycopg.Connection) -> int:
-    """The same for those who take events."""
+def take_newest(connection: psycopg.Connection) -> tuple[int, dict[str, int]]:
+    """The same for those who take events: by the numbers of all maps, and by those of each."""
     with translated():
+        of_maps: dict[str, int] = dict(connection.execute(_NEWEST_OF_MAPS_TEXT).fetchall())
         row = connection.execute(_NEWEST_TEXT).fetchone()
-    return int(row[0]) if row else 0
+    return int(row[0]) if row else 0, of_maps
 
 
-def kept_events(connection: Connection) -> Kept:
-    """Which events there are now."""
+def kept_events(connection: Connection, of_map: str | None = None) -> Kept:
+    """Which events there are now.
+
+    of_map  on this map, by its own numbers
+    """
     # The newest first: what is committed between the two must not look as if it had been and gone.
-    newest = newest_event(connection)
+    newest = newest_event(connection, of_map)
+    oldest = select(func.min(event.c.seq))
+    if of_map is not None:
+        of_this = event_number.join(map_, map_.c.map_id == event_number.c.map_id)
+        oldest = select(func.min(event_number.c.number)).select_from(of_this).where(map_.c.name == of_map)
     with translated():
-        return Kept(connection.scalar(select(func.min(event.c.seq))), newest)
+        return Kept(connection.scalar(oldest), newest)
 
 
 def _event(row: Sequence[Any]) -> StoredEvent:
-    *made, evidence = row
-    return StoredEvent(*[*made, tuple(_evidence(*each) for each in evidence or ())])
+    *made, evidence, own_seq = row
+    return StoredEvent(*[*made, tuple(_evidence(*each) for each in evidence or ()), own_seq])
 
 
 def _evidence(uid: str, variable: str, source: Any, stamp: str) -> Evidence:
@@ -242,12 +286,24 @@ EVENTS = (
         )
         .where(event_evidence.c.event_id == event.c.event_id)
         .scalar_subquery(),
+        event_number.c.number,
     )
+    .join(event_number, event_number.c.event_id == event.c.event_id)
     .join(map_, map_.c.map_id == event.c.map_id)
     .join(event_amendment, event_amendment.c.event_id == event.c.event_id, isouter=True)
 )
 
 NEXT_EVENTS = EVENTS.where(event.c.seq > bindparam("after")).order_by(event.c.seq).limit(bindparam("most"))
+
+# Without the place among the events of all maps, which readers of one map may not even ask for.
+_OWN_EVENTS = EVENTS.with_only_columns(
+    *(event_number.c.number if column is event.c.seq else column for column in EVENTS.selected_columns)
+)
+_NEXT_OWN_EVENTS = (
+    _OWN_EVENTS.where(event_number.c.number > bindparam("after"))
+    .order_by(event_number.c.number)
+    .limit(bindparam("most"))
+)
 
 _UNPLACED = NEXT_EVENTS.with_only_columns(
     *(null() if column is _PLACE else column for column in EVENTS.selected_columns)
@@ -260,6 +316,9 @@ _NEWEST = select(
         literal_column("0"),
     )
 )
-_PLACED_TEXT, _UNPLACED_TEXT, _NEWEST_TEXT = (
-    str(each.compile(dialect=_DRIVER)) for each in (NEXT_EVENTS, _UNPLACED, _NEWEST)
+_NEWEST_OF_MAPS = select(map_.c.name, event_count.c.newest).join(
+    event_count, event_count.c.map_id == map_.c.map_id
+)
+_PLACED_TEXT, _UNPLACED_TEXT, _NEWEST_TEXT, _NEWEST_OF_MAPS_TEXT = (
+    str(each.compile(dialect=_DRIVER)) for each in (NEXT_EVENTS, _UNPLACED, _NEWEST, _NEWEST_OF_MAPS)
 )

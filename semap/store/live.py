@@ -71,13 +71,20 @@ class ShownDoor:
     since: datetime | None
 
 
+OWN_EVENTS = text("select newest from semap.event_count where map_id = :map_id")
+
+
 @dataclass(frozen=True, slots=True)
 class LiveMap:
-    """What is on a map now, and the newest event and change of the map by then; 0 where there was none."""
+    """What is on a map now, and the newest event and change of the map by then; 0 where there was none.
+
+    event_cursor  by the numbers of all maps; own_event_cursor: by those of this one
+    """
 
     tracks: Mapping[int, ShownTrack]
     doors: Mapping[int, ShownDoor]
     event_cursor: int
+    own_event_cursor: int
     change_set: int
 
 
@@ -89,6 +96,7 @@ def live_map(connection: Connection, map_id: int) -> LiveMap | None:
             return None
         # Numbers first: what is committed meanwhile is then told once more, and never left out.
         change_set, event_cursor = connection.scalar(CHANGE_SET, wanted), newest_event(connection)
+        own_event_cursor = connection.scalar(OWN_EVENTS, wanted) or 0
         tracks = (ShownTrack(*[*known, tuple(rooms)]) for *known, rooms in connection.execute(TRACKS, wanted))
         doors = (
             ShownDoor(instance_id, name, state or UNKNOWN, since)
@@ -98,5 +106,6 @@ def live_map(connection: Connection, map_id: int) -> LiveMap | None:
             tracks={each.track_id: each for each in tracks},
             doors={each.instance_id: each for each in doors},
             event_cursor=event_cursor,
+            own_event_cursor=own_event_cursor,
             change_set=change_set or 0,
         )

@@ -67,11 +67,14 @@ DOORS = text("""
     where i.map_id = :map_id and i.concept_id in (select semap.concepts_below(semap.concept_named('Door')))
     order by i.instance_id
 """)
-CURSORS = text("""
-    select coalesce((select seq from semap.event where map_id = :map_id and stamp <= :at
-                     order by stamp desc, seq desc limit 1), 0),
-           coalesce((select max(change_set_id) from semap.row_version where map_id = :map_id), 0)
+CURSOR = text("""
+    select seq from semap.event where map_id = :map_id and stamp <= :at order by stamp desc, seq desc limit 1
 """)
+OWN_CURSOR = text("""
+    select n.number from semap.event e join semap.event_number n using (event_id)
+    where e.map_id = :map_id and e.stamp <= :at order by e.stamp desc, n.number desc limit 1
+""")
+CHANGE_SET = text("select max(change_set_id) from semap.row_version where map_id = :map_id")
 STAYS = text("""
     select s.instance_id, coalesce(i.name, (
              select p.instance_name from semap.relation_past p
@@ -154,12 +157,19 @@ class DoorState:
 
 
 def moment(
-    connection: Connection, map_name: str, at: datetime, *, trail_s: float = 10, within_s: float = 10
+    connection: Connection,
+    map_name: str,
+    at: datetime,
+    *,
+    trail_s: float = 10,
+    within_s: float = 10,
+    own: bool = False,
 ) -> Moment:
     """A map as it was at a moment.
 
     trail_s   how far back trails go
     within_s  a track outside of all instances is there if it was seen so long before
+    own       events are told by the numbers of the map
     raises    NotFound if there is no such map
     """
     map_id = map_id_of(connection, map_name)
@@ -177,7 +187,8 @@ def moment(
             long_ago = {"track_ids": list(unseen), "since": list(unseen.values())}
             seen |= {row.track_id: row for row in connection.execute(LONG_SEEN, {**asked, **long_ago})}
         doors = connection.execute(DOORS, asked).all()
-        event_cursor, change_set = connection.execute(CURSORS, asked).one()
+        event_cursor = connection.scalar(OWN_CURSOR if own else CURSOR, asked) or 0
+        change_set = connection.scalar(CHANGE_SET, {"map_id": map_id}) or 0
     least = _before(at, within_s)
     shown = sorted((row for row in seen.values() if not row.ended), key=lambda row: int(row.track_id))
     tracks = tuple(

@@ -801,6 +801,22 @@ event = Table(
     Column("by_batch", Boolean, nullable=False),
 )
 
+event_number = Table(
+    "event_number",
+    METADATA,
+    Column("event_id", ForeignKey("semap.event.event_id", ondelete="CASCADE"), primary_key=True),
+    Column("map_id", Integer, nullable=False),
+    Column("number", BigInteger, nullable=False),
+    UniqueConstraint("map_id", "number"),
+)
+
+event_count = Table(
+    "event_count",
+    METADATA,
+    Column("map_id", Integer, primary_key=True, autoincrement=False),
+    Column("newest", BigInteger, nullable=False),
+)
+
 event_evidence = Table(
     "event_evidence",
     METADATA,

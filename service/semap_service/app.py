@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import re
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import fastapi_offline
@@ -28,14 +31,15 @@ from semap_service.feed.subscription import Pace
 from semap_service.head import Headed
 from semap_service.jobs.body_limit import body_limit
 from semap_service.jobs.runner import JOBS, JobRunner, JobSettings
+from semap_service.json_body import BoundedJson
 from semap_service.live.watch import Watches
-from semap_service.openapi import describer
+from semap_service.openapi import add_description, describer
 from semap_service.operations.instruments import Instruments
 from semap_service.operations.metrics import Metrics
 from semap_service.operations.observation import Observation, Routed
 from semap_service.origin import OwnOrigin, require_origin
 from semap_service.page import add_page
-from semap_service.problem import answer_problems, unexpected
+from semap_service.problem import answer_problems, published_methods, unexpected
 from semap_service.routes import (
     abstractions,
     anchor,
@@ -77,6 +81,7 @@ from semap_service.routes import (
     webhooks,
     whereabouts,
 )
+from semap_service.security_headers import PAGE_POLICY
 from semap_service.upload import LimitedBody
 from semap_service.webhooks.deliverer import WEBHOOKS, Deliverer, WebhookSettings
 
@@ -85,6 +90,7 @@ CONNECTIONS = 20
 HEARTBEAT_S = 15.0
 TICK_S = 1.0
 SWAGGER = "/docs/files"
+SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 DESCRIPTION = """
 A semantic map with continuous queries: what is where, who is in which room, and what happened.
@@ -198,6 +204,7 @@ def create_app(
         description=DESCRIPTION,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
+        openapi_url=None,
         docs_url=None,
         redoc_url=None,
     )
@@ -206,11 +213,12 @@ def create_app(
         app.include_router(resource.router)
     app.include_router(event_feed.router)
     app.include_router(live.router)
-    _add_docs(app)
-    add_page(app)
+    app.state.methods = published_methods(each.router for each in RESOURCES)
+    _add_documents(app)
     app.add_middleware(Routed)
     app.add_middleware(Compressed)
     app.add_middleware(Headed)
+    app.add_middleware(BoundedJson)
     app.add_middleware(
         LimitedBody,
         limit_of=lambda scope: body_limit(scope, job_settings.most_bytes),
@@ -226,18 +234,30 @@ def create_app(
     return app
 
 
-def _add_docs(app: FastAPI) -> None:
-    """Interactive documentation that loads nothing from other hosts."""
+def _add_documents(app: FastAPI) -> None:
+    """The page, /openapi.json, and interactive documentation, which loads nothing from other hosts."""
+    add_description(app)
+    add_page(app)
+
+    page = get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title="semap",
+        swagger_js_url=f"{SWAGGER}/swagger-ui-bundle.js",
+        swagger_css_url=f"{SWAGGER}/swagger-ui.css",
+        swagger_favicon_url=f"{SWAGGER}/favicon.png",
+    )
+    page.headers["Content-Security-Policy"] = f"{PAGE_POLICY}; {_own_scripts(bytes(page.body))}"
 
     @app.get("/docs", include_in_schema=False)
     def docs() -> HTMLResponse:
-        return get_swagger_ui_html(
-            openapi_url="/openapi.json",
-            title="semap",
-            swagger_js_url=f"{SWAGGER}/swagger-ui-bundle.js",
-            swagger_css_url=f"{SWAGGER}/swagger-ui.css",
-            swagger_favicon_url=f"{SWAGGER}/favicon.png",
-        )
+        return page
 
     files = Path(fastapi_offline.__file__).parent / "static"
     app.mount(SWAGGER, StaticFiles(directory=files), name="swagger")
+
+
+def _own_scripts(page: bytes) -> str:
+    """The directives by which a page may run the scripts that are written in it, and no others."""
+    digests = (base64.b64encode(sha256(each).digest()).decode() for each in SCRIPT.findall(page))
+    allowed = " ".join(f"'sha256-{each}'" for each in digests)
+    return f"script-src 'self' {allowed}; style-src 'self' 'unsafe-inline'"

@@ -15,17 +15,22 @@ from pydantic import (
     AfterValidator,
     AwareDatetime,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     PlainSerializer,
     WithJsonSchema,
+    model_validator,
 )
+from pydantic_core import CoreSchema, PydanticCustomError
 from shapely import MultiPolygon, Polygon
 from shapely.geometry import mapping, shape
 
 from semap.errors import InvalidInput
 from semap.model.building import HeightBand
 from semap.model.pose import Pose
+from semap_service.json_values import require_few_values
 
 LARGEST_ID = 2**63 - 1
 LARGEST_SMALL_ID = 2**31 - 1
@@ -37,10 +42,53 @@ class Document(BaseModel):
     model_config = ConfigDict(from_attributes=True, json_schema_serialization_defaults_required=True)
 
 
+MANY_UNKNOWN = "many_unknown"
+MOST_UNKNOWN = 20
+
+
+def _fail_fast(schema: object) -> None:
+    """Let every list in a schema end at its first member that is wrong."""
+    if isinstance(schema, list | tuple):
+        for each in schema:
+            _fail_fast(each)
+    elif isinstance(schema, dict):
+        if schema.get("type") == "list":
+            schema["fail_fast"] = True
+        for each in schema.values():
+            _fail_fast(each)
+
+
 class Request(BaseModel):
-    """What semap takes in; nothing unknown, nothing infinite."""
+    """What semap takes in; nothing unknown, nothing infinite.
+
+    Of what is wrong there is an end: a list ends at its first member that is wrong, and of members that are
+    not known some are named and the others counted. To make a hundred thousand errors takes a second, in
+    which nobody else is answered.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _require_known(cls, given: object) -> object:
+        if isinstance(given, dict) and len(given) > MOST_UNKNOWN:
+            known = {each.alias or name for name, each in cls.model_fields.items()}
+            unknown = [name for name in given if name not in known]
+            if len(unknown) > MOST_UNKNOWN:
+                raise PydanticCustomError(
+                    MANY_UNKNOWN,
+                    "{count} members are not known",
+                    {"count": len(unknown), "names": unknown[:MOST_UNKNOWN]},
+                )
+        return given
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: type[BaseModel], handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        schema = handler(source)
+        _fail_fast(schema)
+        return schema
 
 
 def rfc3339(stamp: datetime) -> str:
@@ -77,6 +125,17 @@ After = Annotated[
 Id = Annotated[int, Path(ge=1, le=LARGEST_ID)]
 SmallId = Annotated[int, Path(ge=1, le=LARGEST_SMALL_ID)]
 Next = Annotated[int | None, Field(description="`after` of the next page; null where this is the last one.")]
+
+
+def _of_few_values(text: object) -> object:
+    """raises TooLarge, InvalidInput"""
+    if isinstance(text, str):
+        require_few_values(text.encode())
+    return text
+
+
+FewValues = BeforeValidator(_of_few_values)
+"""Of JSON that comes in a form."""
 
 
 def next_after(ids: Sequence[int], limit: int) -> int | None:

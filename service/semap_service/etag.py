@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
+from functools import wraps
 from http import HTTPStatus
+from inspect import iscoroutinefunction
 from typing import Any, TypeAlias
 
 from fastapi import Request, Response
-from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
@@ -29,13 +30,10 @@ TAG = re.compile(r'(W/)?("[^"]*")')
 
 
 class TaggedRoute(APIRoute):
-    """A route whose answers carry a strong ETag."""
+    """A route whose answers carry a strong ETag, and are written in the thread that makes them."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        # An explicit class, so that every version of FastAPI renders the bytes that `etag_of` hashes.
-        if options.get("response_class") is None or not isinstance(options["response_class"], type):
-            options["response_class"] = JSONResponse
-        super().__init__(*arguments, **options)
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        super().__init__(path, _writing(endpoint, options), **options)
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         answer = super().get_route_handler()
@@ -59,8 +57,39 @@ class TaggedRoute(APIRoute):
 def etag_of(representation: Representation) -> str:
     """The strong ETag of a document, or of bytes that are sent as they are."""
     if isinstance(representation, BaseModel):
-        representation = bytes(JSONResponse(representation.model_dump(mode="json")).body)
+        representation = written(representation)
     return f'"{hashlib.blake2b(representation, digest_size=16).hexdigest()}"'
+
+
+def written(document: BaseModel, *, is_brief: bool = False) -> bytes:
+    """A document as it is sent."""
+    return document.model_dump_json(by_alias=True, exclude_none=is_brief).encode()
+
+
+def _writing(endpoint: Callable[..., Any], options: Mapping[str, Any]) -> Callable[..., Any]:
+    """An endpoint that gives the bytes of its document, with the headers that were set beside it.
+
+    options  of its route: the status, the media type, and whether members that are null are left out
+    """
+    status = options.get("status_code") or HTTPStatus.OK
+    media_type = getattr(options.get("response_class"), "media_type", None) or "application/json"
+    is_brief = bool(options.get("response_model_exclude_none"))
+
+    if iscoroutinefunction(endpoint):
+        return endpoint
+
+    @wraps(endpoint)
+    def answer(**values: Any) -> Any:
+        given = endpoint(**values)
+        if not isinstance(given, BaseModel):
+            return given
+        response = Response(written(given, is_brief=is_brief), status, media_type=media_type)
+        for beside in values.values():
+            if isinstance(beside, Response):
+                response.headers.raw.extend(beside.headers.raw)
+        return response
+
+    return answer
 
 
 def names(header: str, etag: str, *, weakly: bool = False) -> bool:

@@ -15,13 +15,14 @@ from pathlib import Path
 from pydantic import Field, ValidationError
 from sqlalchemy import Connection
 
-from semap.errors import Conflict, InvalidInput, SemapError
+from semap.errors import Conflict, InvalidInput, SemapError, TooLarge
 from semap.formats import read_building
 from semap.formats.source import refuse_utf16
 from semap.store.building import import_building
 from semap.store.instance_batch import NewInstance, create_instances
 from semap.store.maps import map_id_of
 from semap_service.document import Document
+from semap_service.json_values import require_few_values
 from semap_service.mesh_upload import FindingDocument
 from semap_service.routes.instance_document import NewInstance as NewInstanceDocument
 
@@ -142,6 +143,7 @@ def _lines(path: Path, file: str) -> Iterator[Line]:
 
 def _instance(line: bytes, where: str) -> NewInstance:
     try:
+        require_few_values(line)
         document = NewInstanceDocument.model_validate_json(line)
         item = document.item(None)
     except ValidationError as error:
@@ -150,7 +152,7 @@ def _instance(line: bytes, where: str) -> NewInstance:
         raise InvalidInput(
             f"{place}: {first['msg']}" if place else first["msg"], "Correct this line.", where
         ) from error
-    except InvalidInput as error:
+    except (InvalidInput, TooLarge) as error:
         raise InvalidInput(str(error), error.remedy, where) from error
     local = document.local_pose
     return NewInstance(item, document.description, document.frame, None if local is None else local.pose())

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Response
 from fastapi.openapi.utils import get_openapi
 
 from semap_service.access.description import describe_access
 from semap_service.problem import Problem
 
+JSON = "application/json"
 FRAMEWORK_ERRORS = ("HTTPValidationError", "ValidationError")
 
 
@@ -39,3 +42,15 @@ def describer(app: FastAPI) -> Callable[[], dict[str, Any]]:
         return app.openapi_schema
 
     return describe
+
+
+def add_description(app: FastAPI) -> None:
+    """Serve /openapi.json: made in a thread when it is first asked for, which takes a second, and kept."""
+
+    @cache
+    def written() -> bytes:
+        return json.dumps(app.openapi(), ensure_ascii=False, separators=(",", ":")).encode()
+
+    @app.get("/openapi.json", include_in_schema=False)
+    def openapi() -> Response:
+        return Response(written(), media_type=JSON)

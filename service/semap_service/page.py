@@ -17,6 +17,8 @@ from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Resp
 from fastapi.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
+from semap_service.security_headers import DEFAULTS, PAGE_POLICY
+
 FILES = Path(__file__).parent / "page_files"
 INDEX = "index.html"
 ASSETS = "assets/"
@@ -27,13 +29,7 @@ ASK_EACH_TIME = "no-cache"
 CODINGS = (("br", ".br"), ("gzip", ".gz"))
 NO_WEIGHT = re.compile(r"q=0(\.0*)?")
 
-SECURITY = {
-    # Nothing from another host, no script or style in the document, no frame around it.
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' data: blob:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'; object-src 'none'",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
+SECURITY = {**DEFAULTS, "Content-Security-Policy": PAGE_POLICY}
 
 NOT_BUILT = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>semap</title>

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import logging
 import math
+import re
+from collections.abc import Iterable
 from http import HTTPStatus
-from typing import Any
+from typing import Any, TypeAlias
 
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
-from starlette.routing import compile_path
 
 from semap.errors import (
     AccessRefused,
@@ -30,6 +32,7 @@ from semap.errors import (
     TooLarge,
     TooManyRequests,
 )
+from semap_service.document import MANY_UNKNOWN
 from semap_service.operations.request_id import current_request_id
 
 log = logging.getLogger(__name__)
@@ -37,6 +40,13 @@ log = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:semap:problem:"
 RETRY_S = "1"
+
+MOST_PLACES = 20
+LONGEST_PART = 100
+LONGEST_TEXT = 2000
+UNKNOWN = "Extra inputs are not permitted"
+
+Methods: TypeAlias = tuple[tuple[re.Pattern[str], frozenset[str]], ...]
 
 STATUS: tuple[tuple[type[SemapError], HTTPStatus, str], ...] = (
     (NotFound, HTTPStatus.NOT_FOUND, "not-found"),
@@ -112,7 +122,12 @@ class Problem(BaseModel):
     detail: str
     instance: str = Field(description="The path that was asked for.")
     remedy: str = Field(description="What can be done about it; may be empty.")
-    errors: list[Place] = Field(description="The places in the request that are wrong.")
+    errors: list[Place] = Field(
+        max_length=MOST_PLACES, description="The places in the request that are wrong, the first of them."
+    )
+    more_errors: int = Field(
+        default=0, ge=0, description="How many more there are; left out where these are all."
+    )
     request_id: str = Field(
         default_factory=current_request_id,
         description="The id of the request, as the log of the service has it.",
@@ -145,6 +160,7 @@ def problem_response(
     kind: str | None = None,
     remedy: str = "",
     errors: list[Place] | None = None,
+    more_errors: int = 0,
     headers: dict[str, str] | None = None,
 ) -> JSONResponse:
     """A response with a problem; without `kind` the status says it all."""
@@ -152,20 +168,38 @@ def problem_response(
         type="about:blank" if kind is None else TYPE + kind,
         title=status.phrase,
         status=status,
-        detail=detail,
+        detail=_short(detail),
         instance=path,
-        remedy=remedy or REMEDIES.get(status, ""),
-        errors=errors or [],
+        remedy=_short(remedy or REMEDIES.get(status, "")),
+        errors=(errors or [])[:MOST_PLACES],
+        more_errors=max(len(errors or ()) - MOST_PLACES, 0) + more_errors,
     )
-    return JSONResponse(problem.model_dump(), status, headers, MEDIA_TYPE)
+    content = problem.model_dump(exclude=None if problem.more_errors else {"more_errors"})
+    return JSONResponse(content, status, headers, MEDIA_TYPE)
 
 
-def places(error: RequestValidationError) -> list[Place]:
-    """The places that a validation names."""
-    return [
-        Place(where=".".join(str(part) for part in each["loc"]), message=str(each["msg"]))
-        for each in error.errors()
-    ]
+def places(error: RequestValidationError) -> tuple[list[Place], int]:
+    """The first places that a validation names, and how many more there are."""
+    found: list[Place] = []
+    count = 0
+    for each in error.errors():
+        if each["type"] == MANY_UNKNOWN:
+            count += each["ctx"]["count"]
+            found += [_place((*each["loc"], name), UNKNOWN) for name in each["ctx"]["names"]]
+        else:
+            count += 1
+            if len(found) < MOST_PLACES:
+                found.append(_place(each["loc"], str(each["msg"])))
+    return found[:MOST_PLACES], max(count - MOST_PLACES, 0)
+
+
+def _place(parts: Iterable[object], message: str) -> Place:
+    return Place(where=".".join(str(part)[:LONGEST_PART] for part in parts), message=_short(message))
+
+
+def _short(text: str) -> str:
+    """What was sent may be long, and is in the messages about it."""
+    return text if len(text) <= LONGEST_TEXT else f"{text[:LONGEST_TEXT]} ..."
 
 
 async def _beyond(request: Request, error: BaseException) -> JSONResponse:
@@ -205,7 +239,7 @@ def _retry_after(error: SemapError, status: HTTPStatus) -> dict[str, str] | None
 
 async def _validation_error(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)  # noqa: S101  (registered for it)
-    wrong = places(error)
+    wrong, more = places(error)
     return problem_response(
         request.url.path,
         HTTPStatus.UNPROCESSABLE_ENTITY,
@@ -213,6 +247,7 @@ async def _validation_error(request: Request, error: Exception) -> JSONResponse:
         kind="invalid-input",
         remedy="Correct what `errors` names; /openapi.json says what is expected.",
         errors=wrong,
+        more_errors=more,
     )
 
 
@@ -248,10 +283,15 @@ def _is_json(request: Request) -> bool:
     return request.headers.get("Content-Type", "").partition(";")[0].strip().endswith("json")
 
 
+def published_methods(routers: Iterable[APIRouter]) -> Methods:
+    """What can be asked of which paths, for those who ask for something else."""
+    routes = [each for router in routers for each in router.routes if isinstance(each, APIRoute)]
+    return tuple(
+        (each.path_regex, frozenset(each.methods or ())) for each in routes if each.include_in_schema
+    )
+
+
 def _methods(request: Request) -> list[str]:
     """The published methods of a path; the router knows only those of the first route that fits."""
-    methods: set[str] = set()
-    for path, operations in request.app.openapi()["paths"].items():
-        if compile_path(path)[0].match(request.url.path):
-            methods |= {method.upper() for method in operations}
-    return sorted(methods)
+    known: Methods = getattr(request.app.state, "methods", ())
+    return sorted({name for path, names in known if path.match(request.url.path) for name in names})

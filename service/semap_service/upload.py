@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from http import HTTPStatus
 
@@ -13,6 +14,7 @@ from semap_service.problem import problem_response
 
 LIMIT_BYTES = 64 * 1024**2
 STALL_S = 30.0
+LEAST_BYTES_PER_S = 1000
 
 
 class LimitedBody:
@@ -21,7 +23,8 @@ class LimitedBody:
     A body that stops arriving is given up, so that clients who never finish do not hold what they began.
 
     limit_of  how many bytes a request may have
-    stall_s   how long the next part of a body is waited for
+    stall_s   how long the next part of a body is waited for, and how much longer than LEAST_BYTES_PER_S asks
+              for the parts together
     """
 
     def __init__(
@@ -48,18 +51,22 @@ class LimitedBody:
             await response(scope, receive, send)
             return
         received = 0
+        waited_s = 0.0
         has_all = False
 
         async def limited() -> Message:
-            nonlocal received, has_all
+            nonlocal received, waited_s, has_all
             if has_all:
                 return await receive()  # that the client goes away is waited for without end
+            left_s = self.stall_s + received / LEAST_BYTES_PER_S - waited_s
+            began_s = time.monotonic()
             try:
-                message = await asyncio.wait_for(receive(), self.stall_s)
+                message = await asyncio.wait_for(receive(), min(self.stall_s, left_s))
             except TimeoutError:
                 raise HTTPException(
-                    HTTPStatus.REQUEST_TIMEOUT, f"No more of the body came for {self.stall_s:g} s."
+                    HTTPStatus.REQUEST_TIMEOUT, f"The body did not go on arriving within {self.stall_s:g} s."
                 ) from None
+            waited_s += time.monotonic() - began_s
             received += len(message.get("body", b""))
             has_all = not message.get("more_body", False)
             if received > limit_bytes:

@@ -24,6 +24,21 @@ UNREADABLE = HIDDEN | {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    "hidden", ["seq from semap.event", "lsn from semap.progress", "event_seq from semap.progress",
+               "updated_at from semap.progress", "* from semap.event"]
+)  # fmt: skip
+@pytest.mark.parametrize("role", OF_MAPS)
+def test_what_counts_the_events_of_all_maps_cannot_be_read(
+    building: Building, role: str, hidden: str
+) -> None:
+    with (
+        entered(building.service.dsn, role, "{1}") as connection,
+        pytest.raises(psycopg.errors.InsufficientPrivilege),
+    ):
+        connection.execute(f"select {hidden}")
+
+
 @pytest.fixture
 def owner(building: Building) -> Iterator[psycopg.Connection]:
     with connect(building.service.dsn) as connection:

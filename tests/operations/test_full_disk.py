@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,8 @@ from threading import Thread
 import numpy as np
 import pytest
 import shapely
-from rule_work import PATIENCE_S, running_worker
+from patience import PATIENCE_S, until
+from rule_work import running_worker
 from semap_ingest.replay import Plan, replay
 from semap_ingest.track_file import Tracks
 from semap_service.operations.readiness import lacks
@@ -76,13 +76,6 @@ def small_disk(cluster: Cluster) -> Iterator[SmallDisk]:
 def walk(states: int) -> Tracks:
     rows, nan = np.arange(states), np.full(states, np.nan)
     return Tracks(("ann",), rows * 0, rows * SECOND_US, rows % 9 * 1.0, rows * 0.0 + 1, nan, nan, nan, nan)
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not is_so():
-        assert time.monotonic() < deadline_s
-        Signal().wait(0.05)
 
 
 def said(caplog: pytest.LogCaptureFixture, logger: str) -> list[str]:

@@ -183,7 +183,7 @@ def test_a_wait_outlasts_the_events_that_its_reader_knows() -> None:
     """A reader of the database may be ahead of the ring, which then catches up with what is no news to it."""
 
     def entry(seq: int) -> Entry:
-        return Entry(SimpleNamespace(seq=seq), b"{}")
+        return Entry(SimpleNamespace(seq=seq, map="office", own_seq=seq), b"{}")
 
     async def play() -> None:
         feed = Feed(create_engine("postgresql+psycopg://"), "")
@@ -265,10 +265,10 @@ def test_resuming_says_what_it_gave(service: Service, ring: str) -> None:
 def test_what_is_committed_while_somebody_comes_back_has_not_been_deleted(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def as_the_first_is_committed(connection: Connection) -> int:
+    def as_the_first_is_committed(connection: Connection, of_map: str | None) -> int:
         monkeypatch.undo()
         service.happen(1)
-        return newest_event(connection)
+        return newest_event(connection, of_map)
 
     service.make_map()
     monkeypatch.setattr("semap.store.events.newest_event", as_the_first_is_committed)

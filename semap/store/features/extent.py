@@ -39,8 +39,8 @@ RELATIONS = text("""
 """)
 EVENTS = text("""
     select null,
-           (select stamp from semap.event where map_id = :map_id order by stamp, seq limit 1),
-           (select stamp from semap.event where map_id = :map_id order by stamp desc, seq desc limit 1)
+           (select stamp from semap.event where map_id = :map_id order by stamp limit 1),
+           (select stamp from semap.event where map_id = :map_id order by stamp desc limit 1)
 """)
 
 

@@ -34,6 +34,7 @@ from semap.store.tables import (
     concept,
     event,
     event_amendment,
+    event_number,
     instance,
     one_of,
     region,
@@ -245,9 +246,11 @@ _AT_INSTANCE = (
 )
 _HEIGHT = select(_PAST.c.z_m).where(_SEEN_THERE).scalar_subquery()
 _EVENTS = Source(
-    rows=event.outerjoin(event_amendment, event_amendment.c.event_id == event.c.event_id),
+    rows=event.join(event_number, event_number.c.event_id == event.c.event_id).outerjoin(
+        event_amendment, event_amendment.c.event_id == event.c.event_id
+    ),
     where=false(),
-    keys={"id": event.c.seq},
+    keys={"id": event_number.c.number},
     thing=Thing(
         kinds={
             "id": "number",
@@ -270,7 +273,7 @@ _EVENTS = Source(
             GEOMETRY: "shape",
         },
         columns={
-            "id": cast(event.c.seq, Double),
+            "id": cast(event_number.c.number, Double),
             "event_id": cast(event.c.event_id, String),
             "type": event.c.type,
             "stamp": event.c.stamp,

@@ -21,6 +21,10 @@ CLOSE_CODES = {
 }
 POLICY_VIOLATION = 1008
 
+TOO_LONG = (HTTPStatus.REQUEST_URI_TOO_LONG, HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
+"""What is wrong with a request before it is one: an upgrade is answered like any other."""
+DENIAL = "websocket.http.response"
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -35,7 +39,7 @@ class Refusal:
 
 async def refuse(refusal: Refusal, connection: Connection, receive: Receive, send: Send) -> None:
     """Answer a request that has not been answered yet."""
-    if connection["type"] == "http":
+    if connection["type"] == "http" or (refusal.status in TOO_LONG and DENIAL in connection["extensions"]):
         response = problem_response(
             connection["path"],
             refusal.status,

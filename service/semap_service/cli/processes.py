@@ -171,14 +171,12 @@ def serve(
     dsn: Dsn = None,
 ) -> None:
     """Run the service: REST, feeds and the page over HTTP."""
-    import uvicorn  # noqa: PLC0415
-
     from semap_service.access.limits import Limits  # noqa: PLC0415
     from semap_service.app import create_app  # noqa: PLC0415
     from semap_service.jobs.runner import JobSettings  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.port import require_free  # noqa: PLC0415
-    from semap_service.serving import OPTIONS  # noqa: PLC0415
+    from semap_service.serving import serve as run  # noqa: PLC0415
     from semap_service.supervisor import stop_signal  # noqa: PLC0415
     from semap_service.webhooks.deliverer import WebhookSettings  # noqa: PLC0415
 
@@ -198,15 +196,8 @@ def serve(
             webhook_settings=WebhookSettings(allow_private=allow_private_webhooks),
         )
         with traced("semap serve", app):
-            uvicorn.run(
-                app,
-                host=host,
-                port=port,
-                log_config=None,
-                access_log=False,
-                timeout_graceful_shutdown=GRACE_S,
-                **OPTIONS,
-            )
+            app.openapi()  # which would keep the first who asks, and others, waiting
+            run(app, host, port, timeout_graceful_shutdown=GRACE_S)
 
 
 def require_tokens(host: str, without_tokens: bool) -> None:

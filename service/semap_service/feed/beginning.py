@@ -39,7 +39,7 @@ def begin(engine: Engine, after: int | None, selection: Selection) -> Beginning:
     require_usable(engine, selection)
     # What is kept is the same for all, also for those who may see some of it only.
     with acting_as(SYSTEM, "read"), transaction(engine) as connection:
-        kept = kept_events(connection)
+        kept = kept_events(connection, selection.own_of)
     if after is None:
         return Beginning(kept.newest, kept.newest, kept.oldest, gap=False)
     if after > kept.newest:

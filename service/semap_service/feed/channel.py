@@ -45,7 +45,7 @@ class Channel:
         batch = self._kept.get(cursor)
         if batch is not None:
             return batch
-        page = self._feed.known(cursor, BATCH_EVENTS, self.selection)
+        page = await self._feed.look(cursor, BATCH_EVENTS, self.selection)
         if page is None:
             return await self.stored_after(cursor)
         batch = self._written(page.of_at_most(BATCH_BYTES))

@@ -13,21 +13,21 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any
 
 from starlette.requests import HTTPConnection
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
+
+from semap_service.request_head import TimelyHead, cut_off, refuse
 
 EXTENSION = "semap.connection"
 UNSENT_BYTES = 128 * 1024
 UNSENT_STATE_BYTES = 16 * 1024
 CLOSE_S = 5.0
-AT_ONCE = struct.pack("ii", 1, 0)
 
 
 @dataclass
@@ -57,9 +57,7 @@ class Connection:
 
     def _drop(self) -> None:
         if self.transport.get_write_buffer_size() > 0:
-            # What the kernel still has is forgotten too, instead of being offered for minutes.
-            self.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
-            self.transport.abort()
+            cut_off(self.transport)
 
 
 def lent(connection: HTTPConnection) -> Connection | None:
@@ -68,7 +66,7 @@ def lent(connection: HTTPConnection) -> Connection | None:
     return found
 
 
-class HttpConnection(HttpToolsProtocol):
+class HttpConnection(TimelyHead):
     """HTTP/1.1 that lends its connection."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -104,6 +102,11 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
                 lambda: not self.writable.is_set(),
                 self.writable.set,
             )
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if not self.handshake_initiated and not self.transport.is_closing():  # which uvicorn would leave open
+            refuse(self.transport, HTTPStatus.BAD_REQUEST, "This is no upgrade to a WebSocket.")
 
 
 def _keep_unsent(transport: asyncio.Transport, most_bytes: int) -> None:

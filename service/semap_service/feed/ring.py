@@ -50,6 +50,8 @@ ROLE = "semap_api"
 READERS = 4
 """Readers of the past at one time, so that a thousand who come back at once leave connections to others."""
 
+EVERYTHING = Selection()
+
 T = TypeVar("T")
 
 
@@ -121,6 +123,7 @@ class Feed:
         self.on_taken: Callable[[float], None] | None = None
         self._engine = engine
         self._dsn = dsn
+        self._own_heads: dict[str, int] = {}
         self._tick_s = tick_s
         self._ring_size = ring_size
         self._ring_bytes = ring_bytes
@@ -181,24 +184,51 @@ class Feed:
         finally:
             self._placing -= selection.asks_places
 
+    def head_of(self, selection: Selection) -> int:
+        """The number of the newest event, as the reader of a selection is told it."""
+        own_of = selection.own_of
+        return self.head if own_of is None else self._own_heads.get(own_of, 0)
+
     async def read(self, after: int, limit: int, selection: Selection) -> Page:
         """At most `limit` selected events after a cursor.
 
         raises  ServerUnavailable if the database is needed and does not answer
         """
-        return self.known(after, limit, selection) or await self.read_past(after, limit, selection)
+        return await self.look(after, limit, selection) or await self.read_past(after, limit, selection)
+
+    async def look(self, after: int, limit: int, selection: Selection) -> Page | None:
+        """What is `known`; a filter is tried on many events by a thread, since it may be long."""
+        if selection.filter is None:
+            return self.known(after, limit, selection)
+        rest, head = self._after(after, selection), self.head_of(selection)
+        return None if rest is None else await self.ask(partial(_chosen, rest, after, head, limit, selection))
 
     def known(self, after: int, limit: int, selection: Selection) -> Page | None:
         """The same from the ring; None where it has moved on, or where it lacks places that are asked for."""
-        if self._floor is None or after < max(self._floor, self._unplaced if selection.asks_places else 0):
+        rest = self._after(after, selection)
+        return None if rest is None else _chosen(rest, after, self.head_of(selection), limit, selection)
+
+    def _after(self, after: int, selection: Selection) -> list[Entry] | None:
+        if self._floor is None:
             return None
-        entries: list[Entry] = []
-        for entry in self._ring[bisect_right(self._ring, after, key=_number) :]:
-            if selection.takes(entry.event):
-                entries.append(entry)
-                if len(entries) == limit:
-                    return Page(tuple(entries), entry.event.seq, is_full=True)
-        return Page(tuple(entries), max(after, self.head), is_full=False)
+        unplaced = self._unplaced if selection.asks_places else 0
+        if selection.own_of is not None:
+            return self._own_after(after, selection.own_of, unplaced)
+        if after < max(self._floor, unplaced):
+            return None
+        return self._ring[bisect_right(self._ring, after, key=_number) :]
+
+    def _own_after(self, after: int, map_name: str, unplaced: int) -> list[Entry] | None:
+        """The same by the numbers of a map, which have no gaps, so that the first tells whether more were."""
+        rest: list[Entry] = []
+        next_seq = self._own_heads.get(map_name, 0) + 1
+        for entry in reversed(self._ring):
+            if next_seq == after + 1 or entry.event.seq <= unplaced:
+                break
+            if entry.event.map == map_name:
+                rest.append(entry)
+                next_seq = entry.event.own_seq
+        return rest[::-1] if next_seq <= after + 1 else None
 
     async def read_past(self, after: int, limit: int, selection: Selection) -> Page:
         """The same from the database, with what has become of the events since."""
@@ -207,14 +237,15 @@ class Feed:
     def read_stored(self, after: int, limit: int, selection: Selection) -> Page:
         """The same, for a thread."""
         with transaction(self._engine) as connection:
-            newest = newest_event(connection)
+            newest = newest_event(connection, selection.own_of)
             stretch = read_stretch(
                 connection,
                 after=after,
                 limit=limit,
-                map_name=selection.map,
+                map_name=selection.own_of or selection.map,
                 event_type=selection.type,
                 rule_name=selection.rule,
+                own=selection.own_of is not None,
             )
         entries = tuple(Entry.of(event) for event in stretch.events if selection.takes(event))
         last = stretch.last if stretch.is_full else max(stretch.last, newest)
@@ -225,11 +256,11 @@ class Feed:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._readers, partial(copy_context().run, question))
 
-    async def wait(self, cursor: int, timeout_s: float) -> bool:
+    async def wait(self, cursor: int, timeout_s: float, selection: Selection = EVERYTHING) -> bool:
         """Whether there are events after a cursor, now or before the time is over."""
         try:
             async with asyncio.timeout(timeout_s):
-                while self.head <= cursor:
+                while self.head_of(selection) <= cursor:
                     await self._news.wait()
         except TimeoutError:
             return False
@@ -261,11 +292,12 @@ class Feed:
 
     async def _align(self) -> None:
         """Begin at the newest event, or go on where the ring ends if the database is still the same."""
-        newest = await self._ask_alone(self._newest)
+        newest, own_heads = await self._ask_alone(self._newest)
         if self._floor is None or newest < self.head:
             self._ring.clear()
             self._bytes = 0
             self._floor = self.head = self._unplaced = newest
+            self._own_heads = own_heads
             self.beginnings += 1
             self._wake()
 
@@ -285,6 +317,7 @@ class Feed:
 
     def _append(self, entries: Sequence[Entry]) -> None:
         self._ring.extend(entries)
+        self._own_heads.update((entry.event.map, entry.event.own_seq) for entry in entries)
         self._bytes += sum(len(entry.document) for entry in entries)
         excess = max(len(self._ring) - self._ring_size, 0)
         self._bytes -= sum(len(entry.document) for entry in self._ring[:excess])
@@ -322,13 +355,24 @@ class Feed:
             raise ServerUnavailable("The feed of events has no connection.")
         return self._reading
 
-    def _newest(self) -> int:
+    def _newest(self) -> tuple[int, dict[str, int]]:
         return take_newest(self._own_connection())
 
     def _new_entries(self, placed: bool) -> list[Entry]:
         # one statement and no other: all events wait for every further turn to the server
         events = take_events(self._own_connection(), after=self.head, limit=BATCH, placed=placed)
         return [Entry.of(event) for event in events]
+
+
+def _chosen(rest: Sequence[Entry], after: int, head: int, limit: int, selection: Selection) -> Page:
+    entries: list[Entry] = []
+    for entry in rest:
+        event = entry.event if selection.own_of is None else entry.event.of_its_map()
+        if selection.takes(event):
+            entries.append(entry if event is entry.event else Entry.of(event))
+            if len(entries) == limit:
+                return Page(tuple(entries), event.seq, is_full=True)
+    return Page(tuple(entries), max(after, head), is_full=False)
 
 
 def _number(entry: Entry) -> int:

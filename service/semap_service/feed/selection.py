@@ -73,12 +73,26 @@ class Selection:
     maps: frozenset[str] | None = None
 
     @property
+    def own_of(self) -> str | None:
+        """The only map that its reader may see, whose events are told by their own numbers.
+
+        None: the reader may see all, and is told the numbers of all maps.
+        """
+        return None if self.maps is None else self.map or next(iter(self.maps), "")
+
+    @property
     def asks_places(self) -> bool:
         """Whether the place of an event matters."""
         return self.filter is not None and _asks_places(self.filter)
 
     def check(self) -> None:
-        """raises InvalidInput for a filter that cannot be used"""
+        """raises InvalidInput for a filter that cannot be used, or for several maps with their own numbers"""
+        if self.maps is not None and self.map is None and len(self.maps) > 1:
+            raise InvalidInput(
+                f"The token is for {len(self.maps)} maps, whose events have numbers of their own",
+                f"Follow one map at a time: map={min(self.maps)}, and so on.",
+                "map",
+            )
         if self.filter is not None:
             _compiled(self.filter)
 

@@ -66,7 +66,7 @@ class _Subscription:
         self._followed = feed.beginnings
 
     async def run(self) -> None:
-        if self._feed.head < self._beginning.head:
+        if self._head < self._beginning.head:
             # The ring is about to hear of what the database has.
             batch = await self._channel.stored_after(self.cursor)
         else:
@@ -94,6 +94,10 @@ class _Subscription:
             await self._outlet.ready(self._pace.patience_s)
             batch = await self._channel.after(self.cursor)
 
+    @property
+    def _head(self) -> int:
+        return self._feed.head_of(self._channel.selection)
+
     async def give_up(self, why: str) -> None:
         """Tell the client that it is too slow."""
         self._feed.too_slow += 1
@@ -103,7 +107,7 @@ class _Subscription:
 
     async def _come_level(self) -> None:
         """Wait for what is after the cursor."""
-        while self._feed.head <= self.cursor:
+        while self._head <= self.cursor:
             await self._beat()
             await self._feed.news()
             self._require_same()
@@ -114,7 +118,7 @@ class _Subscription:
             await self._put(self._channel.form.heartbeat(self.cursor))
 
     def _require_near(self) -> None:
-        behind = self._feed.head - self.cursor
+        behind = self._head - self.cursor
         if (
             self._level_s is not None
             and behind > self._pace.most_behind

@@ -1,4 +1,4 @@
-"""How large the body of a request may be: large where it becomes a job, which is not held in memory."""
+"""How large the body of a request may be: small where it is no file, larger where it becomes a job."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 
 from starlette.types import Scope
 
+from semap_service.json_body import MOST_BYTES, is_upload
 from semap_service.upload import LIMIT_BYTES
 
 TO_JOBS = re.compile(
@@ -21,7 +22,9 @@ def wants_job(prefer: bytes) -> bool:
 
 def body_limit(scope: Scope, job_bytes: int) -> int:
     """The limit for a request [bytes]."""
-    if scope["method"] not in ("POST", "PUT") or TO_JOBS.fullmatch(scope["path"]) is None:
+    if not is_upload(scope):
+        return MOST_BYTES
+    if TO_JOBS.fullmatch(scope["path"]) is None:
         return LIMIT_BYTES
     prefer = b",".join(value for name, value in scope["headers"] if name == b"prefer")
     return max(job_bytes, LIMIT_BYTES) if wants_job(prefer) else LIMIT_BYTES

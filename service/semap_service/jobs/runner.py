@@ -44,6 +44,8 @@ log = logging.getLogger(__name__)
 
 ROLE = "semap_admin"
 LOOK_S = 10.0
+MOST_WAITING = 8
+"""Threads of the service that wait for the end of a job; it has 40, of which others want some."""
 STOP_S = 5.0
 
 
@@ -71,8 +73,9 @@ class JobRunner:
 
     def __init__(self, dsn: str, engine: Engine, settings: JobSettings) -> None:
         self.settings = settings
+        self.engine = engine
+        self.waiting = threading.BoundedSemaphore(MOST_WAITING)
         self._dsn = dsn
-        self._engine = engine
         self._spool = Spool(settings.folder)
         self._threads = ThreadPoolExecutor(settings.at_once, "job")
         self._lock = threading.Lock()
@@ -128,7 +131,7 @@ class JobRunner:
         given   what the sender calls the file; its suffix says the format
         raises  TooManyRequests where too many wait already; ServerUnavailable where there is no room
         """
-        with acting_as(SYSTEM), transaction(self._engine) as connection:
+        with acting_as(SYSTEM), transaction(self.engine) as connection:
             if count_unfinished(connection) >= self.settings.unfinished:
                 raise TooManyRequests(
                     f"{self.settings.unfinished} jobs wait or run already.",
@@ -142,7 +145,7 @@ class JobRunner:
             task = Task(
                 self._dsn, job_id, kind, given, spooled.path, caller, author, message, if_match, options or {}
             )
-            with acting_as(SYSTEM), transaction(self._engine) as connection:
+            with acting_as(SYSTEM), transaction(self.engine) as connection:
                 job = add_job(
                     connection,
                     job_id,
@@ -162,7 +165,7 @@ class JobRunner:
     def _run(self, task: Task, spooled: Spooled) -> None:
         """In a thread of the runner's: a job from its start to its end."""
         try:
-            with acting_as(SYSTEM), transaction(self._engine) as connection:
+            with acting_as(SYSTEM), transaction(self.engine) as connection:
                 wanted = not self._stopping.is_set() and start_job(connection, task.job_id)
             if wanted:
                 status = self._process(task, spooled)
@@ -245,7 +248,7 @@ class JobRunner:
     def _try(self, work: Callable[[Connection], object]) -> None:
         """Write where the database can be had; where not, the next who looks sees that the job is lost."""
         try:
-            with acting_as(SYSTEM), transaction(self._engine) as connection:
+            with acting_as(SYSTEM), transaction(self.engine) as connection:
                 work(connection)
         except SemapError as error:
             log.warning("The state of a job could not be written: %s", error)

@@ -23,7 +23,6 @@ class Picture:
     tracks: Mapping[int, bytes]
     doors: Mapping[int, bytes]
     rooms: Mapping[int, int]
-    event_cursor: int
     change_set: int
     live: LiveMap
 
@@ -58,14 +57,14 @@ def picture_of(live: LiveMap, before: Picture | None = None) -> Picture:
         tracks,
         doors,
         rooms,
-        live.event_cursor,
         live.change_set,
         live,
     )
 
 
-def snapshot(picture: Picture) -> bytes:
-    """All of a picture, as JSON in UTF-8."""
+def snapshot(picture: Picture, *, own: bool = False) -> bytes:
+    """All of a picture, as JSON in UTF-8; for who may see this map alone, its events by their own numbers."""
+    event_cursor = picture.live.own_event_cursor if own else picture.live.event_cursor
     return b"".join(
         [
             b'{"type":"snapshot","stamp":',
@@ -76,7 +75,7 @@ def snapshot(picture: Picture) -> bytes:
             b",".join(picture.doors.values()),
             b'],"rooms":',
             _rooms(picture.rooms),
-            b',"event_cursor":%d,"change_set":%d}' % (picture.event_cursor, picture.change_set),
+            b',"event_cursor":%d,"change_set":%d}' % (event_cursor, picture.change_set),
         ]
     )
 

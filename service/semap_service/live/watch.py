@@ -92,10 +92,10 @@ class Watch:
             raise self.closed
         return None if self.picture is than else self.picture
 
-    def frame(self, before: Picture | None, now: Picture) -> bytes:
+    def frame(self, before: Picture | None, now: Picture, *, own: bool) -> bytes:
         """What leads from one picture to another; most have the same one before, and share it."""
         if before is None:
-            return text_frame(snapshot(now))
+            return text_frame(snapshot(now, own=own))
         known = self._last_delta
         if known is None or known[0] is not before or known[1] is not now:
             known = self._last_delta = (before, now, text_frame(delta(before, now)))
@@ -149,7 +149,7 @@ class Watches:
                     await task
 
 
-async def show(watch: Watch, outlet: Outlet, pace: Pace) -> None:
+async def show(watch: Watch, outlet: Outlet, pace: Pace, *, own: bool) -> None:
     """Send a client a snapshot and then deltas, the newest whenever it has taken the one before.
 
     raises  NotTaken, and NotFound when the map is gone
@@ -161,5 +161,5 @@ async def show(watch: Watch, outlet: Outlet, pace: Pace) -> None:
         if now is None:
             await outlet.put(HEARTBEAT, pace.patience_s)
             continue
-        await outlet.put(watch.frame(shown, now), pace.patience_s)
+        await outlet.put(watch.frame(shown, now, own=own), pace.patience_s)
         shown = now

@@ -40,9 +40,9 @@ class OgcRoute(TaggedRoute):
             try:
                 return await answer(request)
             except RequestValidationError as error:
-                wrong = places(error)
+                wrong, more = places(error)
                 detail = "; ".join(f"{each.where}: {each.message}" for each in wrong[:3])
-                return _refusal(request, detail, "Correct what `errors` names; see /api.", wrong)
+                return _refusal(request, detail, "Correct what `errors` names; see /api.", wrong, more)
             except InvalidInput as error:
                 found = [Place(where=error.where, message=str(error))] if error.where else []
                 return _refusal(request, str(error), error.remedy, found)
@@ -50,7 +50,13 @@ class OgcRoute(TaggedRoute):
         return strict
 
 
-def _refusal(request: Request, detail: str, remedy: str, errors: list[Place]) -> Response:
+def _refusal(request: Request, detail: str, remedy: str, errors: list[Place], more: int = 0) -> Response:
     return problem_response(
-        request.url.path, HTTPStatus.BAD_REQUEST, detail, kind=KIND, remedy=remedy, errors=errors
+        request.url.path,
+        HTTPStatus.BAD_REQUEST,
+        detail,
+        kind=KIND,
+        remedy=remedy,
+        errors=errors,
+        more_errors=more,
     )

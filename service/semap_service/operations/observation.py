@@ -18,6 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from semap_service.operations.instruments import OTHER, Instruments
 from semap_service.operations.request_id import CURRENT, HEADER, IDENTITY, request_id
+from semap_service.security_headers import secure
 
 log = logging.getLogger("semap_service.access")
 
@@ -76,6 +77,7 @@ class Observation:
             observed.see(message)
             if message["type"] in STARTS:
                 message.setdefault("headers", [])
+                secure(message)
                 MutableHeaders(scope=message)[HEADER] = identity
             await send(message)
 

@@ -171,16 +171,18 @@ async def _first_found(
         if page.is_full:
             if now_s > begun_s + LONGEST_SEARCH_S:
                 break
-        elif not await _news(feed, page.cursor, begun_s + wait_s - now_s, connection):
+        elif not await _news(feed, page.cursor, begun_s + wait_s - now_s, wanted, connection):
             break
         page = await feed.read(page.cursor, limit, wanted)
         await asyncio.sleep(0)
     return page
 
 
-async def _news(feed: Feed, cursor: int, timeout_s: float, connection: Connection | None) -> bool:
+async def _news(
+    feed: Feed, cursor: int, timeout_s: float, wanted: Selection, connection: Connection | None
+) -> bool:
     """Whether there are events after a cursor before the time is over, or the server stops."""
-    waiting = [asyncio.ensure_future(feed.wait(cursor, timeout_s))]
+    waiting = [asyncio.ensure_future(feed.wait(cursor, timeout_s, wanted))]
     if connection is not None:
         waiting.append(asyncio.ensure_future(connection.stopping.wait()))
     try:

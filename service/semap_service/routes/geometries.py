@@ -16,7 +16,7 @@ from semap.errors import InvalidInput, NotFound
 from semap.model.building import HeightBand
 from semap.model.source_geometry import GeometryType, SourceGeometry
 from semap.store import blueprints
-from semap_service.document import BandDocument, Document, Id, PoseDocument, Request
+from semap_service.document import BandDocument, Document, FewValues, Id, PoseDocument, Request
 from semap_service.etag import Representation, TaggedRoute, edits, reads
 from semap_service.jobs.acceptance import Later, or_later
 from semap_service.mesh_answer import MEDIA_TYPES, Format, format_of, mesh_bytes, mesh_response
@@ -129,7 +129,9 @@ def put_geometry_mesh(
     ],
     unit: Unit = None,
     up: UpAxis = None,
-    pose: Annotated[Json[PoseDocument] | None, Form(description="description_T_geometry, as JSON.")] = None,
+    pose: Annotated[
+        Json[PoseDocument] | None, FewValues, Form(description="description_T_geometry, as JSON.")
+    ] = None,
 ) -> UploadedGeometry | Response:
     """Upload a mesh as a geometry of this name. Every instance of the description follows."""
     placed = pose or PoseDocument()

@@ -15,7 +15,7 @@ from semap.store import history, instance_links, instances
 from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
 from semap.store.maps import get_map
 from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, Id, InStamp, Limit, MapFilter, Name, Request, next_after
+from semap_service.document import After, FewValues, Id, InStamp, Limit, MapFilter, Name, Request, next_after
 from semap_service.etag import TaggedRoute, edits, reads
 from semap_service.jobs.acceptance import Later, or_later
 from semap_service.mesh_upload import Unit, UpAxis, read_upload
@@ -88,7 +88,7 @@ def list_instances(
 def create(
     write: Write,
     name: str,
-    document: Annotated[Json[NewInstance], Form(description="The instance, as JSON.")],
+    document: Annotated[Json[NewInstance], FewValues, Form(description="The instance, as JSON.")],
     response: Response,
     mesh: Annotated[UploadFile | None, File(description=MESH)] = None,
     unit: Unit = None,

@@ -46,7 +46,7 @@ async def live_map(socket: WebSocket, database: Database, name: str) -> None:
 async def _show(watch: Watch, outlet: SocketOutlet, pace: Pace, feed: Feed) -> None:
     """Show the map until the client takes nothing any more; it is told then."""
     try:
-        await show(watch, outlet, pace)
+        await show(watch, outlet, pace, own=current_caller().maps is not None)
     except NotTaken:
         feed.too_slow += 1
         outlet.let_pass()

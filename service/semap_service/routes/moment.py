@@ -10,6 +10,7 @@ from pydantic import Field
 
 from semap.errors import InvalidInput
 from semap.store import events, moment
+from semap_service.access.caller import current_caller
 from semap_service.document import Document, InStamp, Stamp
 from semap_service.live.document import ShownDoorDocument, ShownTrackDocument, track_values
 from semap_service.problem import problems
@@ -111,7 +112,9 @@ def get_moment(
     Trails have at most 200 points. What the map itself looked like is in its history.
     """
     with transaction(database) as connection:
-        then = moment.moment(connection, name, at, trail_s=trail_s, within_s=within_s)
+        then = moment.moment(
+            connection, name, at, trail_s=trail_s, within_s=within_s, own=current_caller().maps is not None
+        )
     return MomentDocument(
         type="snapshot",
         stamp=at,
@@ -138,7 +141,9 @@ def get_timeline(
     with transaction(database) as connection:
         stays = moment.stays(connection, name, start, end, limit + 1)
         states = moment.door_states(connection, name, start, end, limit + 1)
-        happened = events.list_events_between(connection, name, start, end, limit=limit + 1)
+        happened = events.list_events_between(
+            connection, name, start, end, limit=limit + 1, own=current_caller().maps is not None
+        )
     more = max(len(stays), len(states), len(happened)) > limit
     return TimelineDocument(
         from_=start,

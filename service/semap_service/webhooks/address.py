@@ -12,9 +12,9 @@ from ipaddress import IPv4Address, IPv6Address
 from urllib.parse import urlsplit
 
 from semap.errors import InvalidInput
+from semap_service.webhooks.special_purpose import is_public
 
 LONGEST_URL = 2000
-NAT64 = ipaddress.ip_network("64:ff9b::/96")
 PUBLIC = "Give an address that is reachable from the internet, or serve with --allow-private-webhooks."
 
 
@@ -56,21 +56,6 @@ def resolved(host: str, port: int, *, allow_private: bool) -> tuple[str, ...]:
             if not is_public(ipaddress.ip_address(each)):
                 raise InvalidInput(f"{host} is an address of a private network", PUBLIC, "url")
     return addresses
-
-
-def is_public(address: IPv4Address | IPv6Address) -> bool:
-    """Whether it is an address of the internet, also by what is wrapped in it."""
-    if isinstance(address, IPv6Address):
-        if address.scope_id is not None or address.is_site_local:
-            return False
-        wrapped = address.ipv4_mapped or address.sixtofour
-        if address in NAT64:
-            wrapped = IPv4Address(int(address) & 0xFFFFFFFF)
-        if address.teredo is not None:
-            return False
-        if wrapped is not None:
-            return is_public(wrapped)
-    return address.is_global and not address.is_multicast and not address.is_reserved
 
 
 def _literal(host: str) -> IPv4Address | IPv6Address | None:
