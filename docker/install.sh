@@ -6,10 +6,13 @@
 #   install.sh venv FOLDER TARGET [EXTRAS]
 #                                     install the wheel of FOLDER into a new environment TARGET
 #
-# PYTHON names the interpreter [default: python3]; it has `build` and hatchling for the wheel.
+# PYTHON names the interpreter [default: python3], UV the uv that locks/fetch_uv.sh installs [default: uv]. What is
+# fetched is of the versions of locks/all.txt, and has their hashes.
 set -eu
 checkout=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 python=${PYTHON:-python3}
+uv=${UV:-uv}
+locked=$checkout/locks/all.txt
 
 case ${1:-} in
 page)
@@ -17,21 +20,21 @@ page)
     npm --prefix "$checkout/service/page" run build
     ;;
 wheel)
-    "$python" -m build --wheel --no-isolation --outdir "${2:?FOLDER}" "$checkout"
+    "$uv" build --wheel --python "$python" --build-constraints "$locked" --require-hashes \
+        --out-dir "${2:?FOLDER}" "$checkout"
     ;;
 venv)
     folder=${2:?FOLDER}
     target=${3:?TARGET}
     extras=${4:-}
-    "$python" -m venv "$target"
+    "$uv" venv --python "$python" "$target"
     for wheel in "$folder"/semap-*.whl; do
-        "$target/bin/python" -m pip install --no-cache-dir --disable-pip-version-check \
-            -c "$checkout/constraints.txt" "$wheel${extras:+[$extras]}"
+        "$uv" pip install --python "$target" --compile-bytecode -c "$locked" "$wheel${extras:+[$extras]}"
     done
     "$target/bin/semap" --version
     ;;
 *)
-    sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
     exit 2
     ;;
 esac

@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 from hypothesis import settings
+from left_out import pytest_terminal_summary  # noqa: F401
 from server import fresh_database, make_template, running_cluster
 from world import World
 

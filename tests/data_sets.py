@@ -11,5 +11,5 @@ def data_set(name: str) -> Path:
     """The file or folder of a data set; skips the test where it is absent."""
     path = FOLDER / name
     if not path.exists():
-        pytest.skip(f"the data set {name} is not in {FOLDER}")
+        pytest.skip(f"there is no {name.partition('/')[0]}: the data sets of others belong in ../shared/data")
     return path

@@ -13,7 +13,9 @@ from semap.cluster.postmaster import live_postmaster
 from semap.cluster.programs import find_programs
 from semap.errors import DatabaseError, ServerUnavailable
 
-needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can hand the server to another user")
+needs_root = pytest.mark.skipif(
+    os.geteuid() != 0, reason="there is no root to hand the server to another user: sudo ./dev test"
+)
 
 
 def setting(cluster: Cluster, name: str) -> str:

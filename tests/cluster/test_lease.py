@@ -141,7 +141,7 @@ def test_data_outlive_the_lease(home: Path) -> None:
         assert session.execute("select name from room").fetchall() == [("Room07",)]
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs a second user")
+@pytest.mark.skipif(os.geteuid() != 0, reason="there is no second user: sudo ./dev test")
 def test_another_user_gets_told(home: Path) -> None:
     with lease(home, SETTINGS) as cluster:
         script = (

@@ -26,7 +26,7 @@ PAGES = (
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_is_true(reader: Session, page: str) -> None:
     if "$ curl " in (CHECKOUT / page).read_text() and shutil.which("curl") is None:
-        pytest.skip("curl is missing")
+        pytest.skip("there is no curl: apt-get install curl")
     reader.follow(CHECKOUT / page)
 
 

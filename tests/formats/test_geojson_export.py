@@ -65,7 +65,6 @@ def test_the_flat_comes_back() -> None:
 
 
 def test_rooms_and_doors_of_an_ifc_model_come_back() -> None:
-    pytest.importorskip("ifcopenshell", reason="the extra semap[ifc] is not installed")
     building = read_ifc(data_set("open_smart_home/04_Flat.ifc"))
     placed = [each for each in place(building) if each.entry.concept in ("Room", "Door", "Storey")]
     again = parse_geojson(write_geojson(placed))

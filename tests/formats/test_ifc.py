@@ -20,7 +20,7 @@ from semap.geometry.outline import outline
 from semap.geometry.pose import transform_mesh, transform_points
 from semap.model.building import Building, HeightBand, Item
 
-ifcopenshell = pytest.importorskip("ifcopenshell", reason="the extra semap[ifc] is not installed")
+ifcopenshell = importlib.import_module("ifcopenshell")
 geom = importlib.import_module("ifcopenshell.geom")
 element = importlib.import_module("ifcopenshell.util.element")
 

@@ -136,7 +136,6 @@ def png(pixels: np.ndarray) -> bytes:
 
 
 def test_png_is_read_where_pillow_is_installed(tmp_path: Path) -> None:
-    pytest.importorskip("PIL", reason="pillow is not installed")
     path = folder(tmp_path, YAML.replace(".pgm", ".png"), png(PIXELS), "office.png")
     assert np.array_equal(read_grid(path).pixels, PIXELS)
 

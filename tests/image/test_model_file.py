@@ -207,7 +207,10 @@ def test_a_provider_that_this_onnxruntime_does_not_have(tmp_path: Path) -> None:
     assert ImageDetector.open(path, providers="CPUExecutionProvider").layout.name == "yolov8"
 
 
-@pytest.mark.skipif("CUDAExecutionProvider" in onnxruntime.get_available_providers(), reason="CUDA is there")
+@pytest.mark.skipif(
+    "CUDAExecutionProvider" in onnxruntime.get_available_providers(),
+    reason="there is no machine without CUDA: hide it",
+)
 def test_cuda_where_it_is_not(tmp_path: Path) -> None:
     path = write_model(tmp_path / "model.onnx", DETECTOR)
     error = refused(path, providers=("CUDAExecutionProvider", "CPUExecutionProvider"))

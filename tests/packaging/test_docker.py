@@ -25,12 +25,10 @@ def installed(folder: Path, extras: str, *, alone: bool) -> Path:
     alone  only what the wheel leads to is in it; else it borrows the packages of this environment
     """
     wheels, target = folder / "wheel", folder / "venv"
-    known = {
-        name: value for name, value in os.environ.items() if not name.startswith(("PIP", "PYTHON", "SEMAP"))
-    }
-    known["PYTHON"] = sys.executable
-    run_step(known, "wheel", str(wheels))
+    known = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "SEMAP"))}
+    known |= {"PYTHON": sys.executable, "UV": str(Path(sys.executable).parent / "uv")}
     if alone:
+        run_step(known, "wheel", str(wheels))
         run_step(known, "venv", str(wheels), str(target), extras)
         return target
     lent = folder / "lent"
@@ -38,7 +36,9 @@ def installed(folder: Path, extras: str, *, alone: bool) -> Path:
     (lent / "sitecustomize.py").write_text(
         f"import sys; sys.path.append({sysconfig.get_path('purelib')!r})\n"
     )
-    known |= {"PIP_NO_DEPS": "1", "PIP_NO_INDEX": "1", "PYTHONPATH": str(lent)}
+    (folder / "uv.toml").write_text("no-build-isolation = true\n[pip]\nno-deps = true\n")
+    known |= {"UV_OFFLINE": "1", "UV_CONFIG_FILE": str(folder / "uv.toml"), "PYTHONPATH": str(lent)}
+    run_step(known, "wheel", str(wheels))
     run_step(known, "venv", str(wheels), str(target), extras)
     [packages] = (target / "lib").glob("python*/site-packages")
     (packages / "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n")

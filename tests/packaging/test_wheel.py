@@ -35,17 +35,8 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     environment = tmp_path_factory.mktemp("installed") / "venv"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True)
     python = environment / "bin" / "python"
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        str(python),
-        "install",
-        "--no-deps",
-        "--no-index",
-        str(wheel),
-    ]
+    uv = Path(sys.executable).parent / "uv"
+    command = [uv, "pip", "install", "--offline", "--no-deps", "--python", python, wheel]
     subprocess.run(command, check=True, capture_output=True, text=True)
     # Only the folder is borrowed: its own .pth files, which lead to the checkout, are not read from here.
     [packages] = (environment / "lib").glob("python*/site-packages")
@@ -114,7 +105,7 @@ def test_it_makes_its_schema(installed: Path, tmp_path: Path, empty_database: st
 def test_the_wheel_holds_the_page_where_it_is_built(wheel: Path) -> None:
     files = CHECKOUT / "service" / "semap_service" / "page_files"
     if not (files / "index.html").is_file():
-        pytest.skip("the page is not built: ./dev page")
+        pytest.skip("there is no built page: ./dev page, with Node.js 20.19 or newer")
     held = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         str(file.relative_to(CHECKOUT / "service"))

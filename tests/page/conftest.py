@@ -25,9 +25,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     missing = None
     if CHROMIUM is None:
-        missing = "there is no Chromium (Debian: apt-get install chromium)"
+        missing = "there is no Chromium: apt-get install chromium"
     elif not (FILES / "index.html").is_file():
-        missing = "the page is not built: ./dev page"
+        missing = "there is no built page: ./dev page, with Node.js 20.19 or newer"
     if missing is not None:
         for item in items:
             if Path(__file__).parent in item.path.parents:

@@ -52,7 +52,7 @@ def test_the_first_picture_comes_soon(page: Page, served: Served, office: Office
     assert page.evaluate(FIRST_PICTURE) <= FIRST_PICTURE_S * 1000
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there: npm ci in service/page")
+@pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_everybody_can_use_it(page: Page, office: Office, theme: str) -> None:
     page.emulate_media(color_scheme="dark" if theme == "dark" else "light")

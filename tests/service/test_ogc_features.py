@@ -504,7 +504,7 @@ def test_names_with_dots_and_other_signs(service: Service):
     assert len(ids) == len(set(ids)) == 27
 
 
-@pytest.mark.skipif(shutil.which("ogrinfo") is None, reason="needs gdal-bin")
+@pytest.mark.skipif(shutil.which("ogrinfo") is None, reason="there is no ogrinfo: apt-get install gdal-bin")
 def test_gdal_reads_every_collection(service: Service, tmp_path):
     known = furnish(service, 23)
     service.walk([(1, 1), (2, 2)])
