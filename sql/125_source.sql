@@ -49,14 +49,16 @@ end $$;
 comment on function semap.note_newest is
   'Note the newest stamp of a source that says no watermark.';
 
--- Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole.
+-- Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole. What follows from it
+-- shares the regions (sql/147), which come before rows: while somebody edits, nothing is done.
 create or replace function semap.complete_silent_sources(p_silent interval default '1 s') returns void
 language sql security definer set search_path = public, pg_temp as $$
   update semap.source s set newest_is_whole = true
   from semap.source_count c
   where c.source_id = s.source_id and c.received_at < clock_timestamp() - p_silent
     and s.watermark is null and s.newest_stamp is not null and not s.newest_is_whole
-    and s.source_id in (select source_id from semap.source where watermark is null and not newest_is_whole
+    and s.source_id in (select source_id from semap.source
+                        where watermark is null and not newest_is_whole and pg_try_advisory_xact_lock_shared(7363, 0)
                         for no key update skip locked)
 $$;
 comment on function semap.complete_silent_sources is

@@ -90,7 +90,8 @@ class Made:
     gone_maps: Sequence[int] = ()
 
 
-# whoever writes states of a source may hold its row for long, and one that has spoken since is not idle
+# Whoever writes states of a source may hold its row for long, and one that has spoken since is not idle.
+# What follows from it shares the regions (sql/147), which come before rows: while somebody edits, nothing is noted.
 NOTE_IDLE = """
     update semap.source set idle = true
     where source_id in (
@@ -98,6 +99,7 @@ NOTE_IDLE = """
       from semap.source s
       join unnest(%s::integer[], %s::timestamptz[]) as n (source_id, said) using (source_id)
       where not s.idle and coalesce(s.watermark, s.newest_stamp, '-infinity') = n.said
+        and pg_try_advisory_xact_lock_shared(7363, 0)
       for no key update of s skip locked)
 """
 
