@@ -91,7 +91,7 @@ class Made:
 
 
 # Whoever writes states of a source may hold its row for long, and one that has spoken since is not idle.
-# What follows from it shares the regions (sql/147), which come before rows: while somebody edits, nothing is noted.
+# What follows shares the regions (sql/147), which come before rows: while somebody edits, nothing is noted.
 NOTE_IDLE = """
     update semap.source set idle = true
     where source_id in (
