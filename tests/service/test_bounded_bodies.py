@@ -102,6 +102,13 @@ def test_a_document_that_is_not_in_utf8_is_refused(service: Service) -> None:
     assert (answer.status_code, "UTF-8" in answer.json()["detail"]) == (422, True)
 
 
+def test_numbers_have_an_end_to_their_digits_and_texts_have_not(service: Service) -> None:
+    for digits, number in (("9" * 4299, True), ("1." + "9" * 4299, True), ("9" * 400, False)):
+        body = '{"name":[%s],"more":"%s"}' % (digits, "9" * BESIDE_BYTES)  # noqa: UP031
+        answer = post(service, "/maps", body)
+        assert (answer.status_code, "400 digits" in answer.json()["detail"]) == (422, number)
+
+
 VALUES = st.recursive(
     st.none() | st.integers() | st.text(st.sampled_from('a"\\[{,\n'), max_size=8),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4),
