@@ -25,6 +25,7 @@ begin
         ('door_room', 'exists (select from semap.instance p where p.instance_id = door_room.door_id)'
                       ' and exists (select from semap.instance p where p.instance_id = door_room.room_id)'),
         ('door_now', 'exists (select from semap.instance p where p.instance_id = door_now.instance_id)'),
+        ('track_end', 'exists (select from semap.track p where p.track_id = track_end.track_id)'),
         ('source_count', 'exists (select from semap.source p where p.source_id = source_count.source_id)'),
         ('recording', 'exists (select from semap.source p where p.source_id = recording.source_id)'),
         ('rule_query', 'exists (select from semap.rule p where p.rule_id = rule_query.rule_id)'),
@@ -51,7 +52,7 @@ begin
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_state_seen, semap.track_amendment,'
-    ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.object_state, semap.rule,'
+    ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.pair_progress, semap.track_end, semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count, semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'

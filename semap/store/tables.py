@@ -627,6 +627,20 @@ pair_member = Table(
     Column("formed_track_id", BigInteger, nullable=False, server_default=FetchedValue()),
 )
 
+pair_progress = Table(
+    "pair_progress",
+    METADATA,
+    Column("map_id", ForeignKey("semap.map.map_id", ondelete="CASCADE"), primary_key=True),
+    Column("through", STAMP, nullable=False),
+)
+
+track_end = Table(
+    "track_end",
+    METADATA,
+    Column("track_id", ForeignKey("semap.track.track_id", ondelete="CASCADE"), primary_key=True),
+    Column("stamp", STAMP, primary_key=True),
+)
+
 pair_form = Table(
     "pair_form",
     METADATA,
@@ -743,6 +757,7 @@ progress = Table(
     Column("watermarks", JSONB, nullable=False),
     Column("updated_at", STAMP, nullable=False),
     Column("late_rows", BigInteger, nullable=False),
+    Column("alive_at", STAMP, nullable=False),
 )
 
 rule_state = Table(

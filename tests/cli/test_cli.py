@@ -42,7 +42,9 @@ def test_a_building_and_a_walk_give_events(database: str) -> None:
             env={**os.environ, "SEMAP_DSN": database}, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         followed = [json.loads(line) for line in follower.communicate(timeout=PATIENCE_S)[0].splitlines()]
-    assert ingested == {"states": 2015, "tracks": 3, "resumed_at": 0, "late": 0, "states_inside_a_room": 2015}
+    assert ingested == {
+        "states": 2015, "tracks": 3, "resumed_at": 0, "late": 0, "left_out": 0, "states_inside_a_room": 2015
+    }  # fmt: skip
     assert [event["seq"] for event in followed] == list(range(1, 37))
     listed = done(database, "events", "--after", "34").splitlines()
     assert [line.split()[0] for line in listed] == ["35", "36"]

@@ -38,6 +38,7 @@ def scene(world: World) -> World:
     world.run("insert into semap.rule (map_id, name, queries, declaration)"
               " values (%s, 'openings', jsonb_build_object('track_in_room', %s::int), %s)", world.map_id, world.query_id, OPENED)  # fmt: skip
     track_id = world.add_track("ann")
+    world.run("update semap.source set watermark = '-infinity'")
     with running_worker(world.dsn):
         for value, second in (("closed", 0), ("open", 1), ("open", 3), ("closed", 5)):
             world.run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 
 import numpy as np
 import psycopg
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from semap_service.placed_geojson import placed_geojson
 
+from semap.cluster import Cluster
 from semap.errors import Conflict, InvalidInput
 from semap.formats.geojson import parse_geojson
 from semap.geometry.utm import LATITUDES_DEG, project, zone_of
@@ -138,8 +140,9 @@ def test_degrees_do_not_go_into_a_map_that_lies_nowhere_or_elsewhere(database: s
 
 
 @pytest.fixture(scope="module")
-def postgis(cluster: object, template: str) -> psycopg.Connection:
-    return connect(cluster.dsn(template))
+def postgis(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
+    with connect(cluster.dsn(template)) as connection:
+        yield connection
 
 
 @given(

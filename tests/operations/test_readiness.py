@@ -6,11 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
-from threading import Event as Signal
 
-from rule_work import PATIENCE_S
+from patience import until
 from semap_service.operations.readiness import SILENT_S, lacks, read_state
 from world import World
 
@@ -22,13 +19,6 @@ BACK = "update semap.progress set alive_at = clock_timestamp() - make_interval(s
 def lacking(world: World) -> dict[str, str]:
     with one_transaction(world.dsn, "semap_read") as connection:
         return dict(lacks(connection, feed_connected=True))
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not is_so():
-        assert time.monotonic() < deadline_s
-        Signal().wait(0.05)
 
 
 def test_a_worker_that_is_stopped_is_not_ready(world: World) -> None:

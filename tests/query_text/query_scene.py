@@ -162,7 +162,8 @@ def walk(connection: psycopg.Connection, map_id: int, prefix: str = "") -> None:
     """Two states of each track, each source by itself."""
     for source in ("tracker", "camera"):
         (source_id,) = connection.execute(
-            "insert into semap.source (map_id, name) values (%s, %s) returning source_id", [map_id, source]
+            "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity') returning source_id",
+            [map_id, source],
         ).fetchone() or (0,)
         for one in WALKERS:
             if one.source != source:
@@ -181,6 +182,9 @@ def walk(connection: psycopg.Connection, map_id: int, prefix: str = "") -> None:
                     [track_id, to_datetime(at_us * 1_000_000), x_m, y_m, one.z_m, one.heading_rad, one.speed_mps,
                      *(one.size or (None, None))],
                 )  # fmt: skip
+    connection.execute(
+        "update semap.source set watermark = %s where map_id = %s", [to_datetime(1_000_000), map_id]
+    )
 
 
 def shown(properties: Mapping[str, object]) -> str:

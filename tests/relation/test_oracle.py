@@ -173,11 +173,14 @@ def _replay(world: World, walk: list, size: int, shuffler: random.Random | None)
     world.add_room("disc", SHAPES[6], (0.0, 3.0))
     world.add_room("hole", SHAPES[5])
     ids = {name: world.add_track(name) for name in sorted({state[0] for state in walk})}
+    world.run("update semap.source set watermark = '-infinity' where source_id = %s", world.source_id)
     for start in range(0, len(walk), size):
         batch = [(ids[name], *rest) for name, *rest in walk[start : start + size]]
         if shuffler is not None:
             shuffler.shuffle(batch)
-        world.add_states(batch)
+        world.copy_states(batch)
+        is_over = start + size >= len(walk)
+        world.say(world.source_id, walk[-1][1] if is_over else walk[start + size][1] - 1)
 
 
 def _walk(dice: random.Random, tracks: int, steps: int) -> list[tuple[str, int, float, float, float, bool]]:

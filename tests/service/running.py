@@ -131,7 +131,8 @@ class Service:
         """A track that is seen at these places, second by second."""
         uid = uuid5(NAMESPACE_URL, f"{map_name}/{track}")
         self.plain.execute(
-            "insert into semap.source (map_id, name) select map_id, 'lidar' from semap.map where name = %s"
+            "insert into semap.source (map_id, name, watermark)"
+            " select map_id, 'lidar', '-infinity' from semap.map where name = %s"
             " on conflict do nothing",
             [map_name],
         )
@@ -145,6 +146,11 @@ class Service:
                 "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, %s, %s, %s)",
                 [track_id, START + timedelta(seconds=second), x_m, y_m],
             )
+        self.plain.execute(
+            "update semap.source s set watermark = greatest(s.watermark, %s) from semap.track t"
+            " where t.track_id = %s and s.source_id = t.source_id",
+            [START + timedelta(seconds=len(places) - 1), track_id],
+        )
         return track_id
 
     def happen(

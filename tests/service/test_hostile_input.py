@@ -21,7 +21,7 @@ def bring(service: Service, text: str | bytes, name: str = "map.yaml"):
 
 
 def test_nesting_without_end(service: Service) -> None:
-    refused(bring(service, "map: deep\nthings: " + "[" * 40_000), "nested too deeply")
+    refused(bring(service, "map: deep\nthings: " + "[" * 40_000), "a mapping is needed")
     service.make_map()
     area = "[" * 500 + "]" * 500
     body = '{"parameters": {"area": {"type": "Polygon", "coordinates": ' + area + "}}}"

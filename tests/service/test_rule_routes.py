@@ -27,7 +27,7 @@ def test_a_rule_and_its_versions(office: Service) -> None:
     rule = made.json()
     assert (made.status_code, made.headers["location"]) == (201, f"/rules/{rule['id']}")
     assert rule == {
-        "id": rule["id"], "map": "office", "name": "pairs", "version": 1, "queries": [], "declaration": PAIR,
+        "id": rule["id"], "map": "office", "name": "pairs", "version": 1, "queries": [], "declaration": PAIR, "given_up": None,
         "enabled": True, "backfill_from": None,
     }  # fmt: skip
     where = made.headers["location"]
