@@ -42,6 +42,7 @@ class TimelyHead(HttpToolsProtocol):
         super().connection_made(transport)
         self.url = b""
         self._head_bytes = 0
+        self._in_body = False
         self._untaken_bytes = 0
         self._taking: asyncio.TimerHandle | None = None
         self._heading: asyncio.TimerHandle | None = self.loop.call_later(self.head_s, self._head_is_late)
@@ -54,14 +55,21 @@ class TimelyHead(HttpToolsProtocol):
         if self._heading is None and (self.cycle is None or self.cycle.response_complete):
             self._head_bytes = 0
             self._heading = self.loop.call_later(self.head_s, self._head_is_late)
-        self._head_bytes += len(data)
+        # what is left of a body whose answer is written already is no head
+        self._head_bytes += 0 if self._in_body else len(data)
         super().data_received(data)
         if self._heading is not None and self._head_bytes > HEAD_BYTES and not self.transport.is_closing():
             self._refuse_long()
 
     def on_headers_complete(self) -> None:
         self._end_heading()
+        self._in_body = True
         super().on_headers_complete()
+
+    def on_message_complete(self) -> None:
+        self._in_body = False
+        self._end_heading()
+        super().on_message_complete()
 
     def handle_websocket_upgrade(self) -> None:
         self._end_timers()
@@ -89,7 +97,7 @@ class TimelyHead(HttpToolsProtocol):
         self._heading = None
         if self.transport.is_closing():
             return
-        if self._head_bytes == 0:
+        if self._head_bytes == 0 and not self._in_body:
             self.transport.close()  # opened beforehand, as browsers do
         else:
             detail = f"The head of the request did not arrive within {self.head_s:g} s."

@@ -77,7 +77,7 @@ def test_entries_in_order_of_time_or_case_by_case(scene: World) -> None:
     with connect(scene.dsn) as connection:
         entries = list(log_entries(connection, Selection(scene.name)))
         assert [(e.type, e.stamp, e.track, e.instance, e.concept) for e in entries] == [
-            ("entered", at(2), "ann", "den", "Room"), ("opened_then_entered", at(2), "ann", "den", "Room"),
+            ("opened_then_entered", at(2), "ann", "den", "Room"), ("entered", at(2), "ann", "den", "Room"),
             ("left", at(7), "ann", "den", "Room"), ("entered", at(9), "ann", "den", "Room"),
         ]  # fmt: skip
         some = list(log_entries(connection, Selection(scene.name, at(2.5), at(9), ["room_visits"]), "track"))
@@ -95,8 +95,8 @@ def test_commands_write_whole_files_or_none(scene: World, tmp_path: Path) -> Non
     assert "semap:track_id" in (tmp_path / "log.xes").read_text()
     with (tmp_path / "log.csv").open() as file:
         assert [row["type"] for row in csv.DictReader(file)] == [
-            "entered",
             "opened_then_entered",
+            "entered",
             "left",
             "entered",
         ]

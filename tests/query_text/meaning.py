@@ -149,6 +149,16 @@ def _nearest(declaration: Declaration, subjects: list[One], objects: list[One]) 
         yield from ((s, o) for o in others[: declaration.count])
 
 
+def is_tied(declaration: Declaration) -> bool:
+    """Whether the last of the nearest of some subject is as near as the next one."""
+    objects = members(declaration.object)
+    for s in members(declaration.subject):
+        gaps = sorted(gap(declaration, s, o) for o in objects if o is not s)
+        if gaps[declaration.count - 1 : declaration.count] == gaps[declaration.count : declaration.count + 1]:
+            return True
+    return False
+
+
 def _stands_on(s: One, o: One) -> bool:
     assert isinstance(o, Thing)
     if isinstance(s, Walker):

@@ -49,7 +49,12 @@ def test_plain_sql_gives_what_the_declaration_says(reader: psycopg.Connection, a
         found = Counter((row[second], row[first]) if turned else (row[first], row[second]) for row in rows)
         assert found == Counter((s.properties["name"], o.properties["name"]) for s, o in pairs(declaration))
         return
-    places = [n for n, of in enumerate(payload.values()) if of.partition(".")[2] in SEEN]
+    # of two objects that are as near a plain query may give either
+    may_be_either = declaration.predicate == "nearest" and is_tied(declaration)
+    places = [
+        n for n, of in enumerate(payload.values())
+        if of.partition(".")[2] in SEEN and not (may_be_either and of.startswith("object."))
+    ]  # fmt: skip
     found = Counter(shown({str(n): row[n] for n in places}) for row in cursor.fetchall())
     expected = [
         {str(n): value(of, s, o) for n, of in enumerate(payload.values()) if n in places}

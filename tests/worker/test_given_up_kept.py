@@ -32,7 +32,7 @@ def visited(world: World, monkeypatch: pytest.MonkeyPatch) -> World:
 
 
 def visit(world: World, track_id: int, at_s: int) -> None:
-    world.add_states(
+    world.copy_states(
         [(track_id, at_s * SECOND_US, 1, 1, None), (track_id, (at_s + 1) * SECOND_US, 9, 1, None)]
     )
     world.run(
