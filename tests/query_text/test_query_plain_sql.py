@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import psycopg
 import pytest
 from corpus import ACCEPTED, CONCEPTS, Accepted
-from meaning import One, members, pairs
+from meaning import One, is_tied, members, pairs
 from query_scene import build, shown, walk
 from server import fresh_database
 
