@@ -39,23 +39,32 @@ end $$;
 comment on function semap.passed_state is
   'The last state of a track at or before a moment that passes the gate for outliers.';
 
--- The tracks of a map that live at the moment up to which its pairs are followed, each where it was then.
-create or replace function semap.tracks_followed(p_map_id integer, p_track_ids bigint[] default null)
+-- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
+create or replace function semap.tracks_at(p_map_id integer, p_at timestamptz, p_track_ids bigint[] default null)
 returns setof semap.track_state
 language sql stable as $$
   select n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, false, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
          n.std_across_m, n.std_yaw_rad
-  from semap.pair_progress p join semap.track_now n using (map_id)
-  where p.map_id = p_map_id and n.live and n.stamp <= p.through and (p_track_ids is null or n.track_id = any (p_track_ids))
+  from semap.track_now n
+  where n.map_id = p_map_id and n.live and n.stamp <= p_at and (p_track_ids is null or n.track_id = any (p_track_ids))
   union all
-  select s.* from semap.pair_progress p join semap.track_now n using (map_id)
-  cross join lateral semap.passed_state(n, p.through) s
-  where p.map_id = p_map_id and n.stamp > p.through and n.first_stamp <= p.through and not s.is_last
-    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p.through)
+  select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
+  where n.map_id = p_map_id and n.stamp > p_at and n.first_stamp <= p_at and not s.is_last
+    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
     and (p_track_ids is null or n.track_id = any (p_track_ids))
 $$;
+comment on function semap.tracks_at is
+  'The tracks of a map, of these or of all, that lived at a moment, each where it was.';
+
+-- Those at the moment up to which the pairs of the map are followed.
+create or replace function semap.tracks_followed(p_map_id integer, p_track_ids bigint[] default null)
+returns setof semap.track_state
+language sql stable as $$
+  select t.* from semap.pair_progress p cross join lateral semap.tracks_at(p_map_id, p.through, p_track_ids) t
+  where p.map_id = p_map_id
+$$;
 comment on function semap.tracks_followed is
-  'The tracks of a map that live at the moment up to which its pairs are followed, each where it was then.';
+  'Those at the moment up to which the pairs of the map are followed.';
 
 -- The states of these tracks after a moment, up to another one, be they rows or packed.
 create or replace function semap.states_between(p_track_ids bigint[], p_after timestamptz, p_to timestamptz)

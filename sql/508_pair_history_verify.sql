@@ -1,16 +1,6 @@
 -- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or pair_member but how instances
 -- look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
 
--- The tracks of a map that lived at a moment, each where it was.
-create or replace function semap.tracks_at(p_map_id integer, p_at timestamptz) returns setof semap.track_state
-language sql stable as $$
-  select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
-  where n.map_id = p_map_id and n.first_stamp <= p_at and not s.is_last
-    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
-$$;
-comment on function semap.tracks_at is
-  'The tracks of a map that lived at a moment, each where it was.';
-
 -- The queries about tracks whose pairs can be told from one moment.
 create or replace function semap.momentary_queries(p_map_id integer) returns setof semap.continuous_query
 language sql stable as $$
@@ -98,11 +88,7 @@ begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   for v_now in
     select a.* from unnest((semap.arrivals_again(
-      v_source, array(select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
-                                 s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad)::semap.track_state
-                      from semap.stored_state s
-                      where s.track_id = p_now.track_id and s.stamp >= v_from and s.stamp <= p_to
-                        and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= v_from),
+      v_source, array(select s from semap.states_between(array[p_now.track_id], v_from - interval '1 us', p_to) s),
       p_now, v_from = p_now.first_stamp,
       array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id and e.stamp between v_from and p_to),
       p_to)).arrivals) a order by a.stamp
