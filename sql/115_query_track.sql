@@ -26,22 +26,25 @@ create or replace view semap.side_track as
 comment on view semap.side_track is
   'Every track that a side of a query is about, whether it lives or not.';
 
--- Which tracks each query with conditions on its subject is about, if regions keep it.
+-- Which tracks each side of a query that asks for more than any is about.
 create or replace view semap.query_track_wanted as
-  select query_id, track_id, map_id from semap.side_track
-  where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition is not null);
+  select query_id, is_object, track_id, map_id from semap.side_track
+  where concept_id is not null or uids is not null or condition is not null;
 comment on view semap.query_track_wanted is
-  'Which tracks each query with conditions on its subject is about, if regions keep it.';
+  'Which tracks each side of a query that asks for more than any is about.';
 
 -- Say anew which tracks these queries are about, of these tracks or (null) of all of their maps.
 create or replace function semap.choose_tracks(p_query_ids integer[], p_track_ids bigint[]) returns void
 language plpgsql as $$
 begin
   delete from semap.query_track s
-  where (p_query_ids is null or s.query_id = any (p_query_ids)) and (p_track_ids is null or s.track_id = any (p_track_ids));
-  insert into semap.query_track (query_id, track_id, map_id)
-  select query_id, track_id, map_id from semap.query_track_wanted
-  where (p_query_ids is null or query_id = any (p_query_ids)) and (p_track_ids is null or track_id = any (p_track_ids));
+  where (p_query_ids is null or s.query_id = any (p_query_ids)) and (p_track_ids is null or s.track_id = any (p_track_ids))
+    and not exists (select from semap.query_track_wanted w
+                    where w.query_id = s.query_id and w.is_object = s.is_object and w.track_id = s.track_id);
+  insert into semap.query_track (query_id, is_object, track_id, map_id)
+  select query_id, is_object, track_id, map_id from semap.query_track_wanted
+  where (p_query_ids is null or query_id = any (p_query_ids)) and (p_track_ids is null or track_id = any (p_track_ids))
+  on conflict do nothing;
 end $$;
 comment on function semap.choose_tracks is
   'Say anew which tracks these queries are about, of these tracks or of all of their maps.';

@@ -5,39 +5,38 @@
 
 -- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the identity
 -- that it had; one that holds since another moment than before gets one of its own, since who believes the other has to know.
-create or replace function semap.add_pair_changes(p_changes semap.relation_change[]) returns void
+create or replace function semap.add_pair_changes(p_changes semap.pair_change[]) returns void
 language plpgsql as $$
 declare
-  v_change   semap.relation_change;
-  v_changes  semap.relation_change[];
+  v_uids  uuid[];
 begin
-  foreach v_change in array p_changes loop
-    if exists (select from semap.relation_change o where o.uid = v_change.uid and o.since <> v_change.since) then
-      v_change.uid := md5(v_change.uid || '|' || v_change.since)::uuid;
-    end if;
-    v_changes := v_changes || v_change;
-  end loop;
-  if v_changes is null then
+  if p_changes is null or p_changes = '{}' then
     return;
   end if;
-  perform semap.free_uids(array(select uid from unnest(v_changes)));
+  v_uids := array(
+    select case when exists (select from semap.relation_change o where o.uid = d.uid and o.since <> d.since)
+                then md5(d.uid || '|' || d.since)::uuid else d.uid end
+    from semap.described_changes(p_changes) d order by d.place);
+  perform semap.free_uids(v_uids);
+  with told as materialized (
+    select * from semap.described_changes(p_changes)
+  ), past as (
+    insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+                                     subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
+                                     since, until)
+    select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+           instance_id, instance_name, object_track_id, object_track_name, since, edge_at
+    from told where kind = 'ended' order by edge_at, place
+  )
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
     amendment)
-  select uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+  select v_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
          'added'
-  from unnest(v_changes) order by stamp, edge_at, change_id;
-  insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                   subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
-                                   since, until)
-  select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, since, edge_at
-  from unnest(v_changes) where kind = 'ended' order by edge_at, change_id;
+  from told order by place;
 end $$;
-comment on function semap.add_pair_changes is
-  'Add changes of pairs, in their order, and the spans that they end.';
 
 -- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it, got the
 -- form that it has; tracks that came to be known later are corrected from their beginning on.
@@ -47,14 +46,15 @@ language sql stable as $$
   select max(f.formed_stamp)
   from (select formed_stamp, formed_track_id from semap.pair_form where query_id = p_query_id
         union all
-        select formed_stamp, formed_track_id from semap.pair_member m
+        select formed_stamp, formed_track_id from semap.query_track t
+        where t.query_id = p_query_id and t.track_id in (p_subject_key, p_object_key)
+        union all
+        select formed_stamp, formed_track_id from semap.pair_instance m
         where m.query_id = p_query_id
-          and (m.key in (p_subject_key, p_object_key)
+          and (m.instance_id in (-p_subject_key, -p_object_key)
                or exists (select from semap.continuous_query q where q.query_id = p_query_id and q.predicate = 'nearest'))) f
   where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end, case when p_object_key > 0 then p_object_key end)
 $$;
-comment on function semap.pair_formed is
-  'Since when a pair can be corrected.';
 
 -- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play differs
 -- from one without the late states (p_without), the first of which is of p_late_from. What the log says of a pair, and what the
@@ -62,20 +62,20 @@ comment on function semap.pair_formed is
 -- after it; else nothing of that pair is written.
 create or replace function semap.write_pair_amendments(
   p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz, p_to timestamptz,
-  p_is_present boolean, p_with semap.relation_change[], p_without semap.relation_change[],
-  p_pairs semap.pair[], p_pairs_without semap.pair[]
+  p_is_present boolean, p_with semap.pair_change[], p_without semap.pair_change[],
+  p_pairs semap.relation_state[], p_pairs_without semap.relation_state[]
 ) returns void
 language plpgsql as $$
 declare
   v_gone   uuid[];
-  v_new    semap.relation_change[];
-  v_since  semap.pair[];
-  v_now    semap.pair[];
+  v_new    semap.pair_change[];
+  v_since  semap.relation_state[];
+  v_now    semap.relation_state[];
 begin
   with played as (
-    select true as late, c, semap.change_said(c) as said from unnest(p_with) c where c.query_id = any (p_query_ids)
+    select true as late, c as said, row_number() over () as place from unnest(p_with) c where c.query_id = any (p_query_ids)
     union all
-    select false, c, semap.change_said(c) from unnest(p_without) c where c.query_id = any (p_query_ids)
+    select false, c, 0 from unnest(p_without) c where c.query_id = any (p_query_ids)
   ), differing as (
     select distinct (said).query_id, (said).subject_key, (said).object_key from (
       select said from played where late except select said from played where not late
@@ -102,12 +102,12 @@ begin
     from differing d
     left join semap.pairs_held_at(p_query_ids, p_track_ids, p_from) h using (query_id, subject_key, object_key)
     cross join lateral (
-      select (array_agg((c).kind order by (c).change_id desc) filter (where (c).stamp < p_late_from))[1] as with_before,
-             (array_agg((c).since order by (c).change_id desc) filter (where (c).stamp < p_late_from))[1] as with_since_before,
-             (array_agg((c).kind order by (c).change_id desc))[1] as with_last,
-             (array_agg((c).since order by (c).change_id desc))[1] as with_since
+      select (array_agg((said).kind order by place desc) filter (where (said).stamp < p_late_from))[1] as with_before,
+             (array_agg((said).since order by place desc) filter (where (said).stamp < p_late_from))[1] as with_since_before,
+             (array_agg((said).kind order by place desc))[1] as with_last,
+             (array_agg((said).since order by place desc))[1] as with_since
       from played p
-      where late and (c).kind <> 'crossed' and (c).stamp <= p_to
+      where late and (said).kind <> 'crossed' and (said).stamp <= p_to
         and ((said).query_id, (said).subject_key, (said).object_key) = (d.query_id, d.subject_key, d.object_key)) w
     cross join lateral (
       select (array_agg(kind order by place desc) filter (where stamp < p_late_from))[1] as log_before,
@@ -133,14 +133,12 @@ begin
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
     where (c).stamp >= p_late_from and (c).stamp <= p_to
   ), found as (
-    select f.c, semap.change_said(f.c) as said
+    select case when (p.said).kind = 'ended' and (p.said).since = s.found_before and s.found_before <> s.told_before
+                then jsonb_populate_record(p.said, jsonb_build_object('since', least(s.told_before, (p.said).edge_at)))
+                else p.said end as said, p.place
     from played p
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
-    cross join lateral (
-      select case when (p.c).kind = 'ended' and (p.c).since = s.found_before and s.found_before <> s.told_before
-                  then jsonb_populate_record(p.c, jsonb_build_object('since', least(s.told_before, (p.c).edge_at)))
-                  else p.c end as c) f
-    where late and (p.c).stamp >= p_late_from and (p.c).stamp <= p_to
+    where late and (p.said).stamp >= p_late_from and (p.said).stamp <= p_to
   ), moment as (
     -- what happens at one moment is written together, so that it stands in the order in which it happened
     select distinct (said).query_id, (said).subject_key, (said).object_key, (said).edge_at from (
@@ -149,11 +147,11 @@ begin
     select (c).uid from told
     where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
   ), new as (
-    select c from found
+    select said, place from found
     where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
   ), tail as (
     -- it holds since another moment: so says its end, too, which came later
-    select (t.c).uid, jsonb_populate_record(t.c, jsonb_build_object('since', s.now_since)) as c
+    select (t.c).uid, jsonb_populate_record(semap.change_said(t.c), jsonb_build_object('since', s.now_since)) as said
     from sound s
     cross join lateral (
       select c from logged
@@ -163,12 +161,11 @@ begin
     where not p_is_present and s.with_held and s.now_since <> s.told_since
   )
   select array(select uid from gone union all select uid from tail),
-         array(select c from new order by (c).change_id) || array(select c from tail),
-         array(select row(null, p_map_id, query_id, null, null, null, null, true, now_since, true, now_since, null, null,
-                          subject_key, object_key)::semap.pair
+         array(select said from new order by place) || array(select said from tail),
+         array(select semap.relation_since(query_id, subject_key, object_key, true, now_since)
                from sound where not p_is_present and with_held and now_since <> told_since),
-         array(select row(null, p_map_id, query_id, null, null, null, null, with_held, now_since, with_held, null, null, null,
-                          subject_key, object_key)::semap.pair from sound where p_is_present)
+         array(select semap.relation_since(query_id, subject_key, object_key, with_held, case when with_held then now_since end)
+               from sound where p_is_present)
   into v_gone, v_new, v_since, v_now;
   perform semap.take_back(v_gone);
   perform semap.add_pair_changes(v_new);
@@ -178,15 +175,11 @@ begin
   where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held and p.since < p_to;
   delete from semap.pair p using unnest(v_now) n
   where (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
-  insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                          held, since, inside, inside_at, distance_m, distance_at)
-  select p.map_id, p.query_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id,
-         p.held, n.since, p.inside, p.inside_at, p.distance_m, p.distance_at
-  from unnest(p_pairs) p
-  join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
+  perform semap.keep_pairs(p_map_id, '{}', array(
+    select jsonb_populate_record(p, jsonb_build_object('since', n.since))
+    from unnest(p_pairs) p
+    join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key)));
 end $$;
-comment on function semap.write_pair_amendments is
-  'Write in what the log differs from a play of it, of the pairs in which that play differs from one without the late states.';
 
 -- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest, or for
 -- whoever is faced however far away; else those that come near enough. Null where that is too much to look through.
@@ -245,8 +238,6 @@ begin
     where s.x_m between b.x_min_m - b.reach_m - s.size_m and b.x_max_m + b.reach_m + s.size_m
       and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
 end $$;
-comment on function semap.tracks_to_play is
-  'Which tracks may come into a pair with these between two moments.';
 
 -- What is played after states that came late, of these tracks at these stamps, for queries that take so long to confirm. What
 -- a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a play begins four
@@ -256,12 +247,12 @@ create or replace function semap.prepare_play(
   p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
   p_not_yet_ids bigint[], p_not_yet_stamps timestamptz[], p_further integer,
   out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean, out track_ids bigint[],
-  out states semap.arrival[], out states_without semap.arrival[]
+  out states semap.track_state[], out states_without semap.track_state[]
 )
 language plpgsql stable as $$
 declare
   c_most_states  constant integer := 20000;
-  c_most_stamps  constant integer := 500; -- rows that are written at each of them get slower within a transaction
+  c_most_stamps  constant integer := 500;
   c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
   v_present      timestamptz := (select through from semap.pair_progress where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
@@ -301,8 +292,6 @@ begin
                                            p_ids || p_not_yet_ids, p_stamps || p_not_yet_stamps);
   end if;
 end $$;
-comment on function semap.prepare_play is
-  'What is played after states that came late.';
 
 -- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to play, else
 -- fewer; and where one state alone is too much, without the queries that take longest to confirm. A play goes on until it
@@ -345,9 +334,8 @@ begin
         continue;
       end if;
       v_play := v_next;
-      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states);
-      select * into v_without from semap.play_pairs(
-        p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states_without);
+      select * into v_with from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states);
+      select * into v_without from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states_without);
       exit when v_play.is_present or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
       v_further := 4 * v_further;
     end loop;
@@ -361,5 +349,3 @@ begin
     v_amended := v_query_ids;
   end loop;
 end $$;
-comment on function semap.amend_pairs is
-  'Correct what is known of the pairs of a map after states that came late.';

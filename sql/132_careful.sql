@@ -147,7 +147,7 @@ language sql stable as $$
     select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
   cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m, a.std_across_m, a.std_yaw_rad) s
   where r.subject is null
-     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
+     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id and not q.is_object)
 $$;
 comment on function semap.steps is
   'Each step of these tracks beside each of these regions.';

@@ -518,6 +518,9 @@ query_track = Table(
     _ref("query_id", "continuous_query.query_id", primary_key=True),
     _ref("track_id", "track.track_id", primary_key=True),
     Column("map_id", Integer, nullable=False),
+    Column("is_object", Boolean, primary_key=True, server_default=FetchedValue()),
+    Column("formed_stamp", STAMP, nullable=False, server_default=FetchedValue()),
+    Column("formed_track_id", BigInteger, nullable=False, server_default=FetchedValue()),
 )
 
 region = Table(
@@ -609,22 +612,31 @@ pair = Table(
     UniqueConstraint("query_id", "subject_key", "object_key"),
 )
 
-pair_member = Table(
-    "pair_member",
+pair_instance = Table(
+    "pair_instance",
     METADATA,
-    Column("key", BigInteger, primary_key=True, autoincrement=False, server_default=FetchedValue()),
+    Column("instance_id", BigInteger, primary_key=True, autoincrement=False),
     Column("query_id", Integer, primary_key=True, autoincrement=False),
     Column("is_object", Boolean, primary_key=True),
     Column("map_id", Integer, nullable=False),
-    _text("query_name"),
-    *(Column(f"{thing}_id", BigInteger) for thing in ("track", "instance")),
     Column("uid", Uuid, nullable=False),
     _text("name"),
-    Column("stamp", STAMP),
-    *(_shape(name, nullable=True) for name in ("place", "shape", "box")),
-    *_doubles("z_min_m", "z_max_m", "yaw_rad", nullable=True),
+    *(_shape(name, nullable=name == "place") for name in ("place", "shape", "box")),
+    *_doubles("z_min_m", "z_max_m"),
+    *_doubles("yaw_rad", nullable=True),
     Column("formed_stamp", STAMP, nullable=False, server_default=FetchedValue()),
     Column("formed_track_id", BigInteger, nullable=False, server_default=FetchedValue()),
+)
+
+followed_state = Table(
+    "followed_state",
+    METADATA,
+    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
+    *(Column(name, Integer, nullable=False) for name in ("map_id", "cell_x", "cell_y")),
+    Column("stamp", STAMP, nullable=False),
+    *_doubles("x_m", "y_m"),
+    *_doubles("z_m", nullable=True),
+    *(Column(name, REAL) for name in ("std_m", "heading_rad", "speed_mps", "length_m", "width_m", "std_across_m", "std_yaw_rad")),
 )
 
 pair_progress = Table(
@@ -644,8 +656,9 @@ track_end = Table(
 pair_form = Table(
     "pair_form",
     METADATA,
-    Column("query_id", ForeignKey("semap.continuous_query.query_id", ondelete="CASCADE"), primary_key=True),
+    Column("query_id", Integer, primary_key=True, autoincrement=False),
     Column("map_id", Integer, nullable=False),
+    _text("query_name"),
     Column("formed_stamp", STAMP, nullable=False),
     Column("formed_track_id", BigInteger, nullable=False),
 )
