@@ -213,6 +213,10 @@ begin
   from (select map_id, max(track_id) as track_id from semap.track_now where map_id = p_map_id group by map_id) n
   join semap.pair_progress p using (map_id)
   where m.query_id = any (p_query_ids) and m.instance_id = any (v_edited) and m.map_id = p_map_id;
+  -- from which side somebody came to a line that was drawn anew is not known
+  v_pairs := array(
+    select p from unnest(v_pairs) p join semap.continuous_query q using (query_id)
+    where not (q.predicate = 'crosses' and (p_is_other or -p.object_key = any (v_edited) or p.subject_key = any (p_track_ids)) is true));
   v_step := semap.follow_moment(
     array(select distinct query_id from semap.pair_side where query_id = any (p_query_ids) and predicate <> 'crosses'),
     v_moved, v_places, v_edited, v_nearest, null, null, 'map', v_pairs);
