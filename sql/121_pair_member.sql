@@ -121,22 +121,33 @@ create or replace function semap.track_members(p_query_ids integer[], p_places s
 returns table (query_id integer, is_object boolean, key bigint, stamp timestamptz, x_m double precision,
                y_m double precision, z_m double precision, yaw_rad double precision, shape public.geometry,
                half_m double precision)
-language sql stable as $$
-  select s.query_id, s.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m, p.heading_rad, g.shape,
-         case when s.covers_ground
-              then greatest(st_xmax(g.shape) - p.x_m, p.x_m - st_xmin(g.shape), st_ymax(g.shape) - p.y_m, p.y_m - st_ymin(g.shape))
-              else 0 end
-  from (select t.*, semap.compares_ground(predicate, t.is_object) as covers_ground from semap.track_side t
-        where t.query_id = any (p_query_ids)) s
-  cross join unnest(p_places) p
-  cross join lateral (
-    select case when s.covers_ground
-                then semap.track_shape(s.predicate, s.is_object, s.distance_m, p.x_m, p.y_m, p.heading_rad, p.length_m, p.width_m)
-                else st_point(p.x_m, p.y_m) end as shape) g
-  where not s.is_chosen
-     or exists (select from semap.query_track t
-                where t.query_id = s.query_id and t.is_object = s.is_object and t.track_id = p.track_id)
-$$;
+language plpgsql stable rows 1000 as $$
+#variable_conflict use_column
+declare
+  v_side  record;
+begin
+  for v_side in select * from semap.track_side s where s.query_id = any (p_query_ids) loop
+    if semap.compares_ground(v_side.predicate, v_side.is_object) then
+      return query
+        select v_side.query_id, v_side.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m, p.heading_rad::double precision, g.shape,
+               greatest(st_xmax(g.shape) - p.x_m, p.x_m - st_xmin(g.shape), st_ymax(g.shape) - p.y_m, p.y_m - st_ymin(g.shape))
+        from unnest(p_places) p
+        cross join lateral semap.track_shape(v_side.predicate, v_side.is_object, v_side.distance_m, p.x_m, p.y_m,
+                                             p.heading_rad, p.length_m, p.width_m) g (shape)
+        where not v_side.is_chosen or exists (
+          select from semap.query_track t
+          where t.query_id = v_side.query_id and t.is_object = v_side.is_object and t.track_id = p.track_id);
+    else
+      return query
+        select v_side.query_id, v_side.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m, p.heading_rad::double precision,
+               st_point(p.x_m, p.y_m), 0.0::double precision
+        from unnest(p_places) p
+        where not v_side.is_chosen or exists (
+          select from semap.query_track t
+          where t.query_id = v_side.query_id and t.is_object = v_side.is_object and t.track_id = p.track_id);
+    end if;
+  end loop;
+end $$;
 
 -- A row of followed_state as a state.
 create or replace function semap.followed_track_state(p_followed semap.followed_state) returns semap.track_state

@@ -12,40 +12,42 @@ create or replace view semap.pair_reach as
   from semap.continuous_query
   where in_pairs and enabled and predicate not in ('nearest', 'crosses');
 
--- Pairs of two tracks that may be in reach of each other, one of which moved: found in a grid whose cells are as wide as the
--- query reaches.
+-- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells are as
+-- wide as the query reaches.
 create or replace function semap.tracks_in_reach(
-  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[]
+  p_query_id integer, p_reach_m double precision, p_moved semap.track_state[], p_others semap.track_state[]
 ) returns table (query_id integer, subject_key bigint, object_key bigint)
-language sql stable as $$
-  with member as materialized (
-    select r.reach_m, m.*
-    from (select t.*, true as is_moved from semap.track_members(p_query_ids, p_moved) t
-          union all
-          select t.*, false from semap.track_members(p_query_ids, p_others) t) m
-    join semap.pair_reach r using (query_id)
-    where r.subject_kind = 'track' and r.object_kind = 'track'
-  ), celled as materialized (
-    select m.*, floor(x_m / cell_m)::bigint as cell_x, floor(y_m / cell_m)::bigint as cell_y
-    from (select *, greatest(reach_m + 2 * max(half_m) over (partition by query_id), 0.1) as cell_m from member
-          where reach_m < 'infinity') m
-  ), around as (
-    select c.*, c.cell_x + dx as near_x, c.cell_y + dy as near_y
-    from celled c, generate_series(-1, 1) dx, generate_series(-1, 1) dy where c.is_moved
-  )
-  select a.query_id, case when a.is_object then o.key else a.key end, case when a.is_object then a.key else o.key end
-  from around a
-  join celled o on o.query_id = a.query_id and o.cell_x = a.near_x and o.cell_y = a.near_y
-    and o.is_object <> a.is_object and o.key <> a.key
-  where not (a.is_object and o.is_moved)
-    and abs(a.x_m - o.x_m) <= a.reach_m + a.half_m + o.half_m and abs(a.y_m - o.y_m) <= a.reach_m + a.half_m + o.half_m
-    and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (a.reach_m + 1e-6) ^ 2)
-  union all
-  select s.query_id, s.key, o.key
-  from member s
-  join member o on o.query_id = s.query_id and o.is_object and o.key <> s.key
-  where s.reach_m = 'infinity' and not s.is_object and (s.is_moved or o.is_moved)
-$$;
+language plpgsql stable as $$
+declare
+  v_cell_m  double precision;
+begin
+  if p_reach_m = 'infinity' then
+    return query
+      select p_query_id, s.key, o.key
+      from semap.track_members(array[p_query_id], p_moved || p_others) s
+      join semap.track_members(array[p_query_id], p_moved || p_others) o on o.is_object and o.key <> s.key
+      where not s.is_object
+        and exists (select from unnest(p_moved) m where m.track_id in (s.key, o.key));
+    return;
+  end if;
+  select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_cell_m
+  from semap.track_side s cross join lateral semap.track_members(array[p_query_id], p_moved || p_others) m
+  where s.query_id = p_query_id and semap.compares_ground(s.predicate, s.is_object);
+  return query
+    with celled as materialized (
+      select m.*, floor(m.x_m / v_cell_m)::bigint as cell_x, floor(m.y_m / v_cell_m)::bigint as cell_y
+      from (select t.*, true as is_moved from semap.track_members(array[p_query_id], p_moved) t
+            union all
+            select t.*, false from semap.track_members(array[p_query_id], p_others) t) m
+    )
+    select p_query_id, case when a.is_object then o.key else a.key end, case when a.is_object then a.key else o.key end
+    from celled a
+    cross join unnest(array[-1, 0, 1]) dx cross join unnest(array[-1, 0, 1]) dy
+    join celled o on o.cell_x = a.cell_x + dx and o.cell_y = a.cell_y + dy
+    where a.is_moved and o.is_object <> a.is_object and o.key <> a.key and not (a.is_object and o.is_moved)
+      and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
+      and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);
+end $$;
 
 -- Pairs of a track and an instance that may be in reach of each other, of which the track moved or the instance was edited;
 -- and of two instances, one of which was edited.
@@ -196,14 +198,12 @@ create or replace function semap.pair_candidates(
 ) returns table (query_id integer, subject_key bigint, object_key bigint, is_nearest boolean)
 language plpgsql stable as $$
 #variable_conflict use_column
-declare
-  v_kinds  text[] := array(select distinct k.kind from semap.pair_reach r, unnest(array[r.subject_kind, r.object_kind]) k (kind)
-                           where r.query_id = any (p_query_ids));
 begin
-  if 'track' = any (v_kinds) then
-    return query select t.*, false from semap.tracks_in_reach(p_query_ids, p_moved, p_others) t;
-  end if;
-  if 'instance' = any (v_kinds) then
+  return query
+    select t.*, false
+    from semap.pair_reach r cross join lateral semap.tracks_in_reach(r.query_id, r.reach_m, p_moved, p_others) t
+    where r.query_id = any (p_query_ids) and r.subject_kind = 'track' and r.object_kind = 'track';
+  if exists (select from semap.pair_reach r where r.query_id = any (p_query_ids) and 'instance' in (r.subject_kind, r.object_kind)) then
     return query select distinct i.*, false from semap.instances_in_reach(p_query_ids, p_moved, p_others, p_edited_ids) i;
   end if;
   return query

@@ -140,6 +140,7 @@ declare
   c_cell_m   constant double precision := 8; -- as in semap.keep_followed
   c_most_m   constant double precision := 40;
   v_reach_m  double precision;
+  v_around   integer[];
 begin
   select max(case when q.predicate = 'nearest' or semap.compares_ground(q.predicate, true) then 'infinity'
                   when q.predicate = 'facing' then coalesce(q.distance_m, 'infinity')
@@ -151,14 +152,14 @@ begin
   elsif v_reach_m > c_most_m then
     return semap.followed_places(p_map_id);
   end if;
+  v_around := array(select generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer));
   return array(
     select semap.followed_track_state(f) from semap.followed_state f
     where f.track_id in (select track_id from unnest(p_states))
     union
     select semap.followed_track_state(f)
     from (select distinct floor(x_m / c_cell_m)::integer + dx as cell_x, floor(y_m / c_cell_m)::integer + dy as cell_y
-          from unnest(p_states), generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer) dx,
-               generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer) dy
+          from unnest(p_states), unnest(v_around) dx, unnest(v_around) dy
           where x_m is not null) c
     join semap.followed_state f on f.map_id = p_map_id and f.cell_x = c.cell_x and f.cell_y = c.cell_y);
 end $$;
