@@ -36,8 +36,6 @@ begin
             hint = 'Set the isolation level of this transaction to READ COMMITTED.';
   end if;
 end $$;
-comment on function semap.require_read_committed is
-  'Refuse a transaction whose statements do not see what was committed before their locks.';
 
 -- Keep every region as it is until the transaction ends; many may hold this at once.
 create or replace function semap.hold_regions() returns void
@@ -46,8 +44,6 @@ begin
   perform semap.require_read_committed();
   perform pg_advisory_xact_lock_shared(7363, 0);
 end $$;
-comment on function semap.hold_regions is
-  'Keep every region as it is until the transaction ends; many may hold this at once.';
 
 -- Keep every writer of track states out until the transaction ends, to change regions.
 create or replace function semap.change_regions() returns void
@@ -56,14 +52,10 @@ begin
   perform semap.require_read_committed();
   perform pg_advisory_xact_lock(7363, 0);
 end $$;
-comment on function semap.change_regions is
-  'Keep every writer of track states out until the transaction ends, to change regions.';
 
 -- Let one writer at a time touch the tracks of a source, until the transaction ends.
 create or replace function semap.hold_source(p_source_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
-comment on function semap.hold_source is
-  'Let one writer at a time touch the tracks of a source, until the transaction ends.';
 
 -- Taken before the rows of a statement that may change regions or end tracks, so that what is read for
 -- it is read after every writer of states has ended, and no row is locked before.
@@ -73,8 +65,6 @@ begin
   perform semap.change_regions();
   return null;
 end $$;
-comment on function semap.lock_regions is
-  'Taken before the rows of a statement that may change regions or end tracks.';
 
 do $$
 declare
@@ -106,8 +96,6 @@ begin
   perform semap.hold_regions();
   return null;
 end $$;
-comment on function semap.keep_regions is
-  'Taken before the rows of a new source or track, and before states of objects.';
 
 create or replace trigger keep_regions before insert on semap.source
   for each statement execute function semap.keep_regions();

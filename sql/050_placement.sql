@@ -16,8 +16,6 @@ language sql immutable parallel safe as $$
     p_x_max_m - p_x_min_m, 0, 0, 0, p_y_max_m - p_y_min_m, 0, 0, 0, p_z_max_m - p_z_min_m,
     p_x_min_m, p_y_min_m, p_z_min_m)
 $$;
-comment on function semap.box_3d is
-  'A box along the axes as a closed TIN, its triangles wound outwards.';
 
 -- The area of a geometry as this schema keeps it: valid, only polygons, null without an area.
 create or replace function semap.area_only(p_geometry public.geometry) returns public.geometry
@@ -26,8 +24,6 @@ language sql immutable parallel safe as $$
            case when public.st_numgeometries(polygons) = 1 then public.st_geometryn(polygons, 1) else polygons end end
   from (select public.st_collectionextract(public.st_makevalid(p_geometry), 3) as polygons) p
 $$;
-comment on function semap.area_only is
-  'The area of a geometry: valid, only polygons, null without an area.';
 
 -- The rectangle of the smallest area around a convex polygon: one of its sides lies along a side of the polygon
 -- (Freeman and Shapira 1975). ST_OrientedEnvelope gives that of the smallest width before GEOS 3.12.
@@ -40,8 +36,6 @@ language sql immutable parallel safe as $$
   order by public.st_area(box), angle_rad
   limit 1
 $$;
-comment on function semap.smallest_rectangle is
-  'The rectangle of the smallest area around a convex polygon.';
 
 -- The outline of a description seen from above under a pose that tilts it, cut from its geometries: an outline
 -- that is upright under this pose counts alone; else the projections of its faces are united, or of its outlines
@@ -75,8 +69,6 @@ begin
                 and m.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D', 'POLYGON3D')))
       and st_area(face.shape) > 1e-12;
 end $$;
-comment on function semap.tilted_outline is
-  'The outline of a description seen from above under a pose that tilts it, cut from its geometries.';
 
 -- The absolute abstractions of these instances as they should be.
 create or replace function semap.abstractions_wanted(p_instance_ids bigint[])
@@ -135,8 +127,6 @@ language sql stable set search_path = public, pg_temp as $$
          nullif(z_min, z_max), nullif(z_max, z_min)
   from extent
 $$;
-comment on function semap.abstractions_wanted is
-  'The absolute abstractions of these instances as they should be.';
 
 -- Bring the absolute abstractions of these instances in line with their descriptions and frames.
 create or replace function semap.place_instances(p_instance_ids bigint[]) returns void
@@ -160,8 +150,6 @@ begin
   where (a.instance_id, st_asewkb(a.geometry), a.z_min_m, a.z_max_m)
         is distinct from (excluded.instance_id, st_asewkb(excluded.geometry), excluded.z_min_m, excluded.z_max_m);
 end $$;
-comment on function semap.place_instances is
-  'Bring the absolute abstractions of these instances in line with their descriptions and frames.';
 
 -- Every instance gets a description of its own for its absolute abstractions.
 create or replace function semap.instance_grounded() returns trigger
@@ -175,13 +163,11 @@ begin
   end if;
   return new;
 end $$;
-comment on function semap.instance_grounded is
-  'Every instance gets a description of its own for its absolute abstractions.';
 
 create or replace trigger instance_grounded before insert on semap.instance
   for each row execute function semap.instance_grounded();
 
--- Instances were added, or got another frame or description.
+-- Instances were added, or got another frame or description: their abstractions follow.
 create or replace function semap.instance_placed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -198,8 +184,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.instance_placed is
-  'Instances were added, or got another frame or description: their abstractions follow.';
 
 create or replace trigger instance_placed_inserted after insert on semap.instance
   referencing new table as new_row for each statement execute function semap.instance_placed();
@@ -230,8 +214,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.frame_moved is
-  'A frame moved: what stands on it moves with it.';
 
 create or replace trigger frame_moved_updated after update on semap.frame
   referencing old table as old_row new table as new_row for each statement execute function semap.frame_moved();
@@ -259,8 +241,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.description_reshaped is
-  'A description looks different now: so do its instances.';
 
 create or replace trigger description_reshaped_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.description_reshaped();
@@ -285,8 +265,6 @@ begin
     and not exists (select from semap.instance i where i.frame_id = f.frame_id);
   return null;
 end $$;
-comment on function semap.instance_deleted_with_its_own is
-  'With an instance go its own descriptions, and its frame where nothing else stands on it.';
 
 create or replace trigger instance_deleted_with_its_own after delete on semap.instance
   referencing old table as old_row for each statement execute function semap.instance_deleted_with_its_own();

@@ -18,8 +18,6 @@ begin
   end if;
   return v_id;
 end $$;
-comment on function semap.current_change_set is
-  'The change set of this transaction, begun with its first change.';
 
 -- For each table whose rows are kept: its key, the map that a row belongs to, which rows, and its column of shapes.
 create or replace view semap.kept_table as
@@ -38,8 +36,6 @@ create or replace view semap.kept_table as
     (12, 'abstraction', 'abstraction_id', 'semap.map_of_row(''instance'', r.instance_id)',
      'r.type = ''Footprint'' and r.instance_id is not null', 'geometry')
   ) as t (place, table_name, key, map, which, shape);
-comment on view semap.kept_table is
-  'For each table whose rows are kept: its key, the map that a row belongs to, which rows, and its column of shapes.';
 
 -- The map of a frame, description or instance, which its versions remember when it is gone.
 create or replace function semap.map_of_row(p_table text, p_id bigint) returns integer
@@ -54,8 +50,6 @@ language sql stable as $$
      where table_name = p_table and row_key = p_id::text and map_id is not null
      order by version_id desc limit 1))
 $$;
-comment on function semap.map_of_row is
-  'The map of a frame, description or instance, which its versions remember when it is gone.';
 
 -- One function and three triggers for each kept table, made from `kept_table` and the table's columns.
 do $$
@@ -134,8 +128,6 @@ language sql stable parallel safe as $$
   ) v
   where v.content is not null
 $$;
-comment on function semap.rows_as_of is
-  'The rows of a table as they were at a time, those of one map or (null) of none in particular.';
 
 -- What concepts were called at a time. All maps share them, and so may all who ask: this acts for its owner, since the
 -- versions of what belongs to no map are hidden from callers of some maps.
@@ -143,8 +135,6 @@ create or replace function semap.concepts_as_of(p_at timestamptz) returns table 
 language sql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
   select (r.content ->> 'concept_id')::integer, r.content ->> 'name' from semap.rows_as_of('concept', null, p_at) r
 $$;
-comment on function semap.concepts_as_of is
-  'What concepts were called at a time.';
 
 -- The instances of a map as they were at a time, or one of them, with where they stood and their footprints. A frame
 -- stood where the newest pose that was known then says.
@@ -187,8 +177,6 @@ language sql stable as $$
   left join concept c on c.concept_id = i.concept_id
   left join outline o on o.instance_id = i.instance_id
 $$;
-comment on function semap.instances_as_of is
-  'The instances of a map as they were at a time, or one of them, with where they stood and their footprints.';
 
 -- Put every row of a change set back to its version before, as a change set of its own, and say which descriptions
 -- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since,
@@ -290,5 +278,3 @@ begin
     where u.table_name in ('geometry', 'description') and v.content is not null
       and exists (select from semap.description d where d.description_id = (v.content ->> 'description_id')::bigint));
 end $$;
-comment on function semap.undo_change_set is
-  'Put every row of a change set back to its version before; returns the descriptions whose geometries are others now.';

@@ -10,8 +10,6 @@ language sql stable parallel safe as $$
           from semap.map_anchor where map_id = p_map_id) anchor
   ) on_earth
 $$;
-comment on function semap.to_earth is
-  'A geometry of the map in a system of the earth: the map''s own anchor system, or another one by its EPSG code.';
 
 -- A geometry of the earth (with its SRID) in the frame of a map.
 create or replace function semap.from_earth(p_geometry public.geometry, p_map_id integer) returns public.geometry
@@ -21,5 +19,3 @@ language sql stable parallel safe as $$
                         semap.inverse(row(x_m, y_m, z_m, qx, qy, qz, qw)::semap.pose)), 0)
   from semap.map_anchor where map_id = p_map_id
 $$;
-comment on function semap.from_earth is
-  'A geometry of the earth (with its SRID) in the frame of a map.';

@@ -7,8 +7,6 @@ language plpgsql immutable parallel safe as $$
 begin
   raise exception '%: %', p_place, p_reason using errcode = 'invalid_parameter_value', hint = p_hint;
 end $$;
-comment on function semap.refuse_condition is
-  'Refuse a part of a condition: where it stands, why, and what to write instead.';
 
 -- The instant that a condition writes out; refuses what is none, or outside of the years 1 to 9999.
 create or replace function semap.check_condition_instant(p_text text, p_place text) returns timestamptz
@@ -23,8 +21,6 @@ begin
   end if;
   return v_found;
 end $$;
-comment on function semap.check_condition_instant is
-  'The instant that a condition writes out; refuses what is none, or outside of the years 1 to 9999.';
 
 -- Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or `..`.
 create or replace function semap.check_condition_interval(p_ends jsonb, p_place text, p_depth integer, p_names text[])
@@ -54,8 +50,6 @@ begin
   end if;
   return 'interval';
 end $$;
-comment on function semap.check_condition_interval is
-  'Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or "..".';
 
 -- Refuse a comparison of kinds that are not alike, or that have no such comparison.
 create or replace function semap.check_condition_alike(
@@ -76,8 +70,6 @@ begin
   end if;
   return 'boolean';
 end $$;
-comment on function semap.check_condition_alike is
-  'Refuse a comparison of kinds that are not alike, or that have no such comparison.';
 
 -- Refuse what like cannot take as a pattern: a text, perhaps within casei and accenti, that does not end in an escape.
 create or replace function semap.check_condition_pattern(p_part jsonb, p_place text) returns text
@@ -93,8 +85,6 @@ begin
   end if;
   return 'boolean';
 end $$;
-comment on function semap.check_condition_pattern is
-  'Refuse what like cannot take as a pattern: a text, perhaps within casei and accenti, that does not end in an escape.';
 
 -- The kind of an operator applied to parts; refuses one that is not known, or that cannot be applied to these.
 create or replace function semap.check_condition_call(p_part jsonb, p_place text, p_depth integer, p_names text[])
@@ -146,8 +136,6 @@ begin
   end if;
   return semap.condition_kind(p_part);
 end $$;
-comment on function semap.check_condition_call is
-  'The kind of an operator applied to parts; refuses one that is not known, or that cannot be applied to these.';
 
 -- The kind of a part of a condition, and of all in it; refuses what cannot be understood.
 create or replace function semap.check_condition_part(p_part jsonb, p_place text, p_depth integer, p_names text[])
@@ -203,8 +191,6 @@ begin
   return semap.refuse_condition(p_place, 'it is none of op, property, timestamp, date and interval',
                                 'Give a part as CQL2 JSON writes it (OGC 21-065r2); shapes are not known here.');
 end $$;
-comment on function semap.check_condition_part is
-  'The kind of a part of a condition, and of all in it; refuses what cannot be understood.';
 
 -- Refuse a condition that semap.condition_holds would not understand, is nested deeper than 50 levels, or longer than
 -- 100 kB; p_names are the names of values that there will be, null any. One that is null asks for nothing.
@@ -219,6 +205,3 @@ begin
     perform semap.refuse_condition('condition', 'it is neither true nor false', 'Compare it with something.');
   end if;
 end $$;
-comment on function semap.check_condition is
-  'Refuse a condition that semap.condition_holds would not understand, is nested deeper than 50 levels, or longer than'
-  ' 100 kB; p_names are the names of values that there will be, null any. One that is null asks for nothing.';

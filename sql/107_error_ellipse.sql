@@ -35,9 +35,6 @@ begin
     std_across_m := null;
   end if;
 end $$;
-comment on function semap.error_ellipse is
-  'The error ellipse of a covariance [m^2], as the columns of a state have it. Where the deviations are the same to the'
-  ' digits that a state keeps, it is a circle. All null: nothing is known. Variances below 1e-30 count as none.';
 
 -- The covariance of a position [m^2] by its error ellipse; null where nothing is known.
 create or replace function semap.error_covariance(
@@ -49,8 +46,6 @@ language sql immutable parallel safe as $$
   from (select p_std_m ^ 2 as along, coalesce(p_std_across_m, p_std_m) ^ 2 as across,
                cos(coalesce(p_std_yaw_rad, 0)) as c, sin(coalesce(p_std_yaw_rad, 0)) as s) e
 $$;
-comment on function semap.error_covariance is
-  'The covariance of a position [m^2] by its error ellipse; null where nothing is known.';
 
 -- How far a position is from a boundary, across the longer axis of its error ellipse stretched until that is a circle of
 -- std_m: divided by std_m, the distance in standard deviations. The shorter axis counts for at least a thousandth of the
@@ -71,7 +66,3 @@ begin
                      c_cos, c_sin, -c_sin * c_stretch, c_cos * c_stretch, 0, 0),
     public.st_point(0, 0));
 end $$;
-comment on function semap.stretched_distance_m is
-  'How far a position is from a boundary, across the longer axis of its error ellipse stretched until that is a circle of'
-  ' std_m: divided by std_m, the distance in standard deviations. The shorter axis counts for at least a thousandth of the'
-  ' longer one. For a straight boundary that is d * std_m / sqrt(n'' C n).';

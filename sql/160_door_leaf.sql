@@ -16,8 +16,6 @@ language sql immutable parallel safe rows 9 as $$
          ('rests_within_deg', 0.1, 20, 3),
          ('rests_for_s', 0.05, 60, 0.4)
 $$;
-comment on function semap.leaf_numbers is
-  'What a leaf may say beside hinge and at, its limits, and what holds where it does not.';
 
 -- The leaf of a door as a mapping, also where only its side is told; null where there is none.
 create or replace function semap.leaf_declared(p_attributes jsonb) returns jsonb
@@ -27,16 +25,12 @@ language sql immutable parallel safe as $$
            when 'string' then jsonb_build_object('hinge', p_attributes -> 'leaf')
            else p_attributes -> 'leaf' end
 $$;
-comment on function semap.leaf_declared is
-  'The leaf of a door as a mapping, also where only its side is told; null where there is none.';
 
 -- A number that a leaf says, or what holds where it says none.
 create or replace function semap.leaf_number(p_leaf jsonb, p_key text) returns double precision
 language sql immutable parallel safe as $$
   select coalesce((p_leaf ->> p_key)::double precision, n.otherwise) from semap.leaf_numbers() n where n.key = p_key
 $$;
-comment on function semap.leaf_number is
-  'A number that a leaf says, or what holds where it says none.';
 
 -- What is wrong with a leaf; null where it is right.
 create or replace function semap.leaf_fault(p_leaf jsonb) returns text
@@ -72,8 +66,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.leaf_fault is
-  'What is wrong with a leaf; null where it is right.';
 
 -- The range of motion of a leaf: the sector that it sweeps around its hinge, from a little before closed to a little
 -- beyond its largest angle, with a margin around for the thickness of the leaf and for what a map and a laser err.
@@ -94,8 +86,6 @@ language sql immutable parallel safe as $$
     p_margin_m, 'quad_segs=4')
   from (select ceil(degrees(p_max_rad) / 5)::integer as steps) s
 $$;
-comment on function semap.range_of_motion is
-  'The range of motion of a leaf: the sector that it sweeps around its hinge, with a margin around.';
 
 -- The leaves of these doors as they should be. A door has a width of its own, or that of its shape, whose middle is then
 -- the middle of the doorway. Its heights are those of its shape, or begin where it stands. A door that is tilted, is
@@ -154,8 +144,6 @@ language sql stable set search_path = public, pg_temp as $$
   cross join lateral (select semap.yaw(m.pose) + case when m.sense = 1 then 0 else pi() end as closed_rad) c
   cross join lateral semap.carry(m.pose, m.x_m - m.sense * m.width_m / 2, m.y_m, 0) h
 $$;
-comment on function semap.leaves_wanted is
-  'The leaves of these doors as they should be.';
 
 -- Bring the leaves of these doors in line with the map. One that is another now has its state to be seen anew.
 create or replace function semap.refresh_leaves(p_instance_ids bigint[]) returns void
@@ -188,8 +176,6 @@ begin
   set state = null, since = null, angle_rad = null, angle_std_rad = null,
       extreme_rad = null, rest_rad = null, rest_since = null, doubt = null;
 end $$;
-comment on function semap.refresh_leaves is
-  'Bring the leaves of these doors in line with the map.';
 
 -- Doors with a leaf were added or changed. What a leaf says must be right.
 create or replace function semap.door_changed() returns trigger
@@ -210,8 +196,6 @@ begin
   where n.attributes ? 'leaf' or exists (select from semap.door_leaf l where l.instance_id = n.instance_id);
   return null;
 end $$;
-comment on function semap.door_changed is
-  'Doors with a leaf were added or changed. What a leaf says must be right.';
 
 create or replace trigger door_inserted after insert on semap.instance
   referencing new table as new_row for each statement execute function semap.door_changed();
@@ -233,8 +217,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.door_moved is
-  'A frame moved: so did the doors on it.';
 
 create or replace trigger door_moved_updated after update on semap.frame
   referencing new table as new_row for each statement execute function semap.door_moved();
@@ -258,8 +240,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.door_reshaped is
-  'A door looks different now: its leaf may have another width, or other heights.';
 
 create or replace trigger door_reshaped_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.door_reshaped();
@@ -275,8 +255,6 @@ begin
   perform semap.refresh_leaves(array_agg(instance_id)) from semap.instance where attributes ? 'leaf';
   return null;
 end $$;
-comment on function semap.doors_reconsidered is
-  'What is a door may be others now.';
 
 create or replace trigger doors_reconsidered after update of name on semap.concept
   for each statement execute function semap.doors_reconsidered();

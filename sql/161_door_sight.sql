@@ -47,5 +47,3 @@ language sql stable parallel safe rows 1 as $$
     and t.aside_m ^ 2 <= 9 * (p_offset_std_m ^ 2 + (t.along_m * p_angle_std_rad) ^ 2 + 0.03 ^ 2)
     and t.angle_rad between radians(-15) and t.max_rad + radians(15)
 $$;
-comment on function semap.leaves_seen is
-  'The leaves that a line may be, each with the angle to its closed reference.';

@@ -9,5 +9,3 @@ create or replace view semap.door_present with (security_invoker = true) as
   join semap.door_leaf l using (instance_id)
   join semap.instance i using (instance_id)
   join semap.map m on m.map_id = i.map_id;
-comment on view semap.door_present is
-  'How each door with a leaf stands, as it was last seen, and which rooms it joins.';

@@ -13,8 +13,6 @@ begin
   from made m join counted c using (map_id);
   return null;
 end $$;
-comment on function semap.event_inserted is
-  'Number events within their maps, in the order of the log and without gaps: what a reader of one map is told.';
 
 create or replace trigger event_inserted after insert on semap.event
 referencing new table as made for each statement execute function semap.event_inserted();

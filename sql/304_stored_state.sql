@@ -21,11 +21,9 @@ create or replace view semap.packed_state as
            p.std_across_m || '{}' as std_across_m, p.std_yaw_rad || '{}' as std_yaw_rad
     offset 0) a
   cross join lateral generate_series(1, p.states) n;
-comment on view semap.packed_state is
-  'The states that packed rows hold.';
 
--- Every state, be it in a frame, a row, or packed. What is looked for in a stretch of time, from a to b, has to say so twice, since no
--- index knows what a packed row holds:
+-- Every state, be it in a frame, a row, or packed, with the stretch of time of the row that holds it. What is looked for in a
+-- stretch of time, from a to b, has to say so twice, since no index knows what a packed row holds:
 --   stamp >= a and stamp <= b and from_stamp > a - interval '30 min' and from_stamp <= b and to_stamp >= a
 create or replace view semap.stored_state as
   select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
@@ -37,5 +35,3 @@ create or replace view semap.stored_state as
   select track_id, stamp, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m,
          from_stamp, to_stamp, std_across_m, std_yaw_rad
   from semap.framed_state;
-comment on view semap.stored_state is
-  'Every state, be it in a frame, a row, or packed, with the stretch of time of the row that holds it.';

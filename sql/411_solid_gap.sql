@@ -23,8 +23,6 @@ begin
   ), along_z as (select *, ntile(slices) over (partition by i, j order by z0 + z1) as k from along_y)
   select triangle_no, (i * slices + j) * slices + k, x0, x1, y0, y1, z0, z1 from along_z;
 end $$;
-comment on function semap.triangle_boxes is
-  'The boxes [m] of the triangles of a mesh that reach into a region, in blocks of near ones.';
 
 -- The pairs of triangles of two meshes whose boxes come within a distance of each other.
 create or replace function semap.near_triangles(
@@ -55,8 +53,6 @@ begin
     and a.y0 <= b.y1 + p_within_m and a.y1 >= b.y0 - p_within_m
     and a.z0 <= b.z1 + p_within_m and a.z1 >= b.z0 - p_within_m;
 end $$;
-comment on function semap.near_triangles is
-  'The pairs of triangles of two meshes whose boxes come within a distance of each other.';
 
 -- The pairs of triangles of two meshes between which the least distance may lie: those whose boxes come
 -- as near as the nearest must, and as a distance [m] that the least does not exceed.
@@ -95,8 +91,6 @@ begin
   select pair.a_no, pair.b_no, sqrt(least_m2) from pair
   where least_m2 <= least(p_most_m * p_most_m * 1.000001, (select min(most_m2) from pair));
 end $$;
-comment on function semap.closest_triangles is
-  'The pairs of triangles of two meshes between which the least distance may lie.';
 
 -- Each triangle in its own plane: its corners are (0, 0), (l, 0) and (p, q) [m] on the axes u and v from
 -- the origin o, n is its normal outwards, and thin_m its least height; u, v, n of one without area are null.
@@ -124,8 +118,6 @@ begin
        lateral (select bx / nullif(l, 0) as ux, by / nullif(l, 0) as uy, bz / nullif(l, 0) as uz,
                        mx / twice as nx, my / twice as ny, mz / twice as nz offset 0) unit;
 end $$;
-comment on function semap.triangle_planes is
-  'Each triangle in its own plane: corners (0, 0), (l, 0), (p, q) [m] on the axes u and v from the origin o.';
 
 -- The distance [m] from a point (u, v) at the height d over the plane of a triangle to the triangle
 -- (0, 0), (l, 0), (p, q): over its inside the height, beside it that to the nearest of its edges.
@@ -141,8 +133,6 @@ return sqrt(d * d + case
       + (v - q * greatest(0, least(1, (u * p + v * q) / (p * p + q * q)))) ^ 2,
     (u - l - (p - l) * greatest(0, least(1, ((u - l) * (p - l) + v * q) / ((p - l) * (p - l) + q * q)))) ^ 2
       + (v - q * greatest(0, least(1, ((u - l) * (p - l) + v * q) / ((p - l) * (p - l) + q * q)))) ^ 2) end);
-comment on function semap.triangle_gap_m is
-  'The distance [m] from a point (u, v) at the height d over the plane of a triangle to the triangle.';
 
 -- The distance [m] from a point to a surface; exact up to rounding.
 create or replace function semap.surface_gap_3d(p_mesh public.geometry, p_point public.geometry)
@@ -152,8 +142,6 @@ language sql immutable strict parallel safe as $$
   from semap.plain_coordinates(p_point), semap.triangle_planes(p_mesh),
        lateral (select x - ox as dx, y - oy as dy, z - oz as dz offset 0) d
 $$;
-comment on function semap.surface_gap_3d is
-  'The distance [m] from a point to a surface; exact up to rounding.';
 
 -- The least distance [m] between two surfaces from a corner of one to a triangle of the other, among the
 -- triangles that are given as pairs, or 0 where an edge goes through a triangle; exact up to rounding.
@@ -192,8 +180,6 @@ begin
                        cx * ux + cy * uy + cz * uz as cu, cx * vx + cy * vy + cz * vz as cv,
                        cx * nx + cy * ny + cz * nz as cd offset 0) turned);
 end $$;
-comment on function semap.corner_gap_3d is
-  'The least distance [m] between two surfaces from a corner of one to a triangle of the other, among pairs.';
 
 -- The least distance [m] between an edge of one surface and an edge of the other, among the triangles
 -- that are given as pairs; exact up to rounding (Ericson 2005, Real-Time Collision Detection, 5.1.9).
@@ -220,5 +206,3 @@ begin
        lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t offset 0) second,
        lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s offset 0) third);
 end $$;
-comment on function semap.edge_gap_3d is
-  'The least distance [m] between an edge of one surface and an edge of the other, among pairs of triangles.';

@@ -51,8 +51,6 @@ begin
     and greatest((p - l) * av - q * (au - l), (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
     and greatest(q * au - p * av, q * bu - p * bv) > p_tolerance_m / 8 * sqrt(p * p + q * q);
 end $$;
-comment on function semap.cut_lines is
-  'The lines in which the triangles of a solid meet the triangles of a surface, in the planes of these.';
 
 -- One point of each part of those triangles of a surface that come near a solid (and how wide the part
 -- is), and all corners of the surface, each with a triangle that it belongs to.
@@ -99,8 +97,6 @@ begin
    from semap.mesh_triangles(p_surface),
         lateral (values (ax_m, ay_m, az_m), (bx_m, by_m, bz_m), (cx_m, cy_m, cz_m)) as corner (x, y, z));
 end $$;
-comment on function semap.part_points is
-  'One point of each part of those triangles of a surface that come near a solid, and all corners of the surface.';
 
 -- Points of a line or of points to compare with a solid: all vertices, and the middle between any two
 -- places of a segment where it may pass through the solid's surface (its planes, edges and corners).
@@ -141,5 +137,3 @@ language sql immutable strict parallel safe rows 100 as $$
   union all
   select geom from st_dumppoints(p_line)
 $$;
-comment on function semap.line_points is
-  'Points of a line or of points to compare with a solid: its vertices, and one between any two possible crossings.';

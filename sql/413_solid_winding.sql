@@ -50,8 +50,6 @@ begin
   select number, turn, abs(within_m) <= near_m or hit_z is null
   from met where within_m >= -near_m and (hit_z is null or hit_z > z or within_m <= near_m);
 end $$;
-comment on function semap.ray_hits is
-  'Where upward rays from points, numbered 1, 2, ..., leave a mesh (turn 1) or enter it (-1).';
 
 -- The winding number of a mesh around each of the points 1, 2, ...: from rays where the mesh is closed
 -- and the ray is in no doubt, or else the sum of the solid angles of all triangles.
@@ -75,5 +73,3 @@ begin
   from unnest(p_x_m, p_y_m, p_z_m) with ordinality given (x, y, z, number)
   left join hit on hit.point_no = number;
 end $$;
-comment on function semap.windings_3d is
-  'The winding number of a mesh around each of the points 1, 2, ....';

@@ -10,8 +10,6 @@ language sql immutable strict parallel safe as $$
   select case when not st_expand(st_force3d(p_point), p_tolerance_m) &&& p_mesh then false
               else semap.winding_3d(p_mesh, p_point) > 0.5 or semap.surface_gap_3d(p_mesh, p_point) <= p_tolerance_m end
 $$;
-comment on function semap.inside_3d is
-  'Whether a point lies in a solid or within the tolerance of its boundary; exact up to the tolerance.';
 
 -- How the surface of one thing lies to a solid: one point [m] of each part, on the boundary (within the
 -- tolerance), or with the solid's winding number; where the part lies on a face of the solid, whether
@@ -51,8 +49,6 @@ begin
          coalesce(t.along, false), coalesce(t.against, false), turned.winding
   from point p left join touched t using (number) left join turned using (number);
 end $$;
-comment on function semap.surface_parts is
-  'How the surface of one thing lies to a solid: one point [m] of each part, on the boundary or with the winding number.';
 
 -- The pairs of triangles of two meshes that come within a distance of each other, by their boxes, as
 -- one array for each mesh.
@@ -63,8 +59,6 @@ language sql immutable strict parallel safe as $$
   select coalesce(array_agg(a_no), '{}'), coalesce(array_agg(b_no), '{}')
   from semap.near_triangles(p_a, p_b, p_within_m)
 $$;
-comment on function semap.near_pairs is
-  'The pairs of triangles of two meshes that come within a distance of each other, as one array for each mesh.';
 
 -- Whether a point is farther than the tolerance from a solid's surface, and inside or outside as wanted.
 create or replace function semap.is_deep_3d(
@@ -74,8 +68,6 @@ language sql immutable strict parallel safe as $$
   select case when semap.surface_gap_3d(p_solid, p_point) <= p_tolerance_m then false
               else (semap.winding_3d(p_solid, p_point) > 0.5) = p_inside end
 $$;
-comment on function semap.is_deep_3d is
-  'Whether a point is farther than the tolerance from a solid''s surface, and inside or outside as wanted.';
 
 -- Whether every point of the content lies in the container or within the tolerance of it. Exact up to the
 -- tolerance for any closed container, also a concave one; the content may be a solid, an open surface,
@@ -117,8 +109,6 @@ begin
                      where semap.is_deep_3d(p_content, point, true, p_tolerance_m)
                        and semap.is_deep_3d(p_container, point, false, p_tolerance_m));
 end $$;
-comment on function semap.contains_3d is
-  'Whether every point of the content lies in the container or within the tolerance of it; exact for any closed container.';
 
 -- Whether the interiors of two solids share a volume that is deeper than the tolerance; touching does
 -- not count. Exact up to the tolerance. False where the boxes say so, at once.
@@ -147,8 +137,6 @@ begin
                  where semap.is_deep_3d(p_a, point, true, p_tolerance_m)
                    and semap.is_deep_3d(p_b, point, true, p_tolerance_m));
 end $$;
-comment on function semap.overlaps_3d is
-  'Whether the interiors of two solids share a volume that is deeper than the tolerance; touching does not count.';
 
 -- Whether two surfaces (or lines, points) come within a distance of each other; exact up to rounding.
 create or replace function semap.surfaces_within_3d(
@@ -164,8 +152,6 @@ begin
      and coalesce(semap.corner_gap_3d(v_a, v_b, v_near.a_nos, v_near.b_nos) <= p_within_m
                or semap.edge_gap_3d(v_a, v_b, v_near.a_nos, v_near.b_nos) <= p_within_m, false);
 end $$;
-comment on function semap.surfaces_within_3d is
-  'Whether two surfaces (or lines, points) come within a distance of each other; exact up to rounding.';
 
 -- Whether a part of the surface (line, points) of something whose surface stays away from that of a
 -- closed solid lies inside: one corner of each part decides.
@@ -184,8 +170,6 @@ begin
         where geom &&& p_solid) corner;
   return exists (select from semap.windings_3d(p_solid, v_x_m, v_y_m, v_z_m, true) where winding > 0.5);
 end $$;
-comment on function semap.holds_part_3d is
-  'Whether a part of something whose surface stays away from that of a closed solid lies inside it.';
 
 -- Whether two things share a point, or come within the tolerance of each other; closed meshes are taken
 -- as solids. Exact up to the tolerance. False where the boxes say so, at once.
@@ -197,8 +181,6 @@ language sql immutable strict parallel safe as $$
               else semap.surfaces_within_3d(p_a, p_b, p_tolerance_m)
                 or semap.holds_part_3d(p_a, p_b) or semap.holds_part_3d(p_b, p_a) end
 $$;
-comment on function semap.intersects_3d is
-  'Whether two things share a point, or come within the tolerance of each other; closed meshes are taken as solids.';
 
 -- The distance [m] to a surface from that corner of another which is nearest to the middle of its box: a
 -- bound for the least distance. Infinite to what has no area.
@@ -214,8 +196,6 @@ language sql immutable strict parallel safe as $$
     order by (corner.x - middle.x) ^ 2 + (corner.y - middle.y) ^ 2 + (corner.z - middle.z) ^ 2
     limit 1), 'infinity')
 $$;
-comment on function semap.gap_from_facing_corner_3d is
-  'The distance [m] to a surface from that corner of another which is nearest to the middle of its box.';
 
 -- The least distance [m] between two surfaces (or lines, points); exact up to rounding.
 create or replace function semap.surface_distance_3d(p_a public.geometry, p_b public.geometry)
@@ -238,8 +218,6 @@ begin
   from unnest(v_a_nos, v_b_nos, v_gaps_m) pair (a_no, b_no, gap_m) where gap_m < v_corner;
   return nullif(least(v_corner, semap.edge_gap_3d(v_a, v_b, v_a_nos, v_b_nos)), 'infinity');
 end $$;
-comment on function semap.surface_distance_3d is
-  'The least distance [m] between two surfaces (or lines, points); exact up to rounding.';
 
 -- The least distance [m] between two things, closed meshes taken as solids: 0 where one is within the
 -- other, or where they come within a nanometre. Exact up to rounding.
@@ -247,5 +225,3 @@ create or replace function semap.distance_3d(p_a public.geometry, p_b public.geo
 language sql immutable strict parallel safe as $$
   select case when semap.intersects_3d(p_a, p_b, 1e-9) then 0 else semap.surface_distance_3d(p_a, p_b) end
 $$;
-comment on function semap.distance_3d is
-  'The least distance [m] between two things, closed meshes taken as solids: 0 where one is within the other.';

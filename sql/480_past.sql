@@ -15,8 +15,6 @@ language sql stable parallel safe as $$
   from semap.relation n
   where n.map_id = p_map_id and n.since <= p_to
 $$;
-comment on function semap.stays is
-  'Which track was in which instance at some time between two moments, both included; until is null while it holds.';
 
 -- How the doors of a map stood between two moments, both included: the state in which each was at the first of them, and
 -- each that began after it; `until` is null while it holds. A door of which nothing is known has no row.
@@ -48,5 +46,3 @@ language sql stable parallel safe as $$
   from begun b
   where b.before is distinct from b.value
 $$;
-comment on function semap.door_states is
-  'How the doors of a map stood between two moments, both included; until is null while it holds.';

@@ -27,8 +27,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   where st_z(p.point) is null or a.z_min_m is null or (st_z(p.point) >= a.z_min_m and st_z(p.point) < a.z_max_m)
   order by st_area(a.geometry), r.instance_id
 $$;
-comment on function semap.rooms_around is
-  'The rooms that an instance was in at a time (infinity: now), the smallest first.';
 
 -- What holds between an instance and each of the thousand that are nearest to it: the instance is `in`, `on` or `near`
 -- the other, `contains`, `carries` or `intersects` it, or one is a door that `joins` the other. Distances are between
@@ -77,5 +75,3 @@ begin
     from told t
     where t.rank = 0 or t.rank = t.best;
 end $$;
-comment on function semap.relations_of is
-  'What holds between an instance and each of the thousand that are nearest to it.';

@@ -14,8 +14,6 @@ language sql stable parallel safe rows 1 as $$
   where n.track_id = p_track_id
     and ((select semap.visible_maps() is null) or n.map_id = any ((select semap.visible_maps())::integer[]))
 $$;
-comment on function semap.seen_between is
-  'When a track was seen first and last, or ended; nothing of one that the caller may not see.';
 
 -- The first states of a track between two moments, both included, that come after a third one. Of packed ones only so
 -- many are opened as it takes.
@@ -43,8 +41,6 @@ begin
       and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= v_from
     order by s.stamp limit p_limit;
 end $$;
-comment on function semap.states_of_track is
-  'The first states of a track between two moments, both included, that come after a third one.';
 
 -- The newest state of a track at a moment, not older than another moment. Of packed ones only the last is opened.
 create or replace function semap.state_before(p_track_id bigint, p_at timestamptz, p_since timestamptz default '-infinity')
@@ -66,8 +62,6 @@ begin
       and s.from_stamp > v_since - interval '30 min' and s.from_stamp <= v_at and s.to_stamp >= v_since
     order by s.stamp desc limit 1;
 end $$;
-comment on function semap.state_before is
-  'The newest state of a track at a moment, not older than another moment.';
 
 -- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and partitions
 -- of other days are left out when it is asked: in a statement about many events, each partition would cost each time.
@@ -84,8 +78,6 @@ begin
       and s.from_stamp > p_stamp - interval '30 min' and s.from_stamp <= p_stamp and s.to_stamp >= p_stamp
     limit 1);
 end $$;
-comment on function semap.place_at is
-  'Where a track was at the stamp of one of its states; null where it has none then.';
 
 -- The stamp of the first state of any track of a map.
 create or replace function semap.first_state_of_map(p_map_id integer) returns timestamptz
@@ -94,8 +86,6 @@ language sql stable parallel safe security definer set search_path = pg_catalog,
   where map_id = p_map_id
     and ((select semap.visible_maps() is null) or p_map_id = any ((select semap.visible_maps())::integer[]))
 $$;
-comment on function semap.first_state_of_map is
-  'The stamp of the first state of any track of a map.';
 
 do $$
 declare
