@@ -19,7 +19,8 @@ language plpgsql stable parallel safe security definer set search_path = pg_cata
 declare
   v_told   integer[] := nullif(current_setting('semap.maps', true), '')::integer[];
   -- before PostgreSQL 16 each member of a role may set it
-  v_might  text := case when current_setting('server_version_num')::integer < 160000 then 'member' else 'usage, set' end;
+  v_might  text := case when current_setting('server_version_num')::integer < 160000 then 'member'
+                        else 'usage, set' end;
 begin
   if not semap.sees_every_map(session_user, v_might) then
     return array(

@@ -55,7 +55,8 @@ end $$;
 -- child_T_parent from parent_T_child.
 create or replace function semap.inverse(p_pose semap.pose) returns semap.pose
 language sql immutable parallel safe as $$
-  select row(-semap.snapped(turned.x_m), -semap.snapped(turned.y_m), -semap.snapped(turned.z_m), -(p_pose).qx, -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose
+  select row(-semap.snapped(turned.x_m), -semap.snapped(turned.y_m), -semap.snapped(turned.z_m), -(p_pose).qx,
+             -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose
   from semap.carry(row(0, 0, 0, -(p_pose).qx, -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose,
                    (p_pose).x_m, (p_pose).y_m, (p_pose).z_m) turned
 $$;

@@ -104,8 +104,8 @@ language sql as $$
       qx = excluded.qx, qy = excluded.qy, qz = excluded.qz, qw = excluded.qw
 $$;
 
--- Put a frame below another one: it stays where it is in the world, now and where it was at each of its stamps, or keeps its
--- local transform and moves with its new parent.
+-- Put a frame below another one: it stays where it is in the world, now and where it was at each of its stamps, or
+-- keeps its local transform and moves with its new parent.
 create or replace function semap.change_frame(p_frame_id bigint, p_parent_id bigint, p_keep_world boolean default true)
 returns void
 language plpgsql as $$
@@ -127,7 +127,8 @@ begin
                case when p_parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose
                     else semap.inverse((select pose from semap.frames_in_root(array[p_parent_id], old.at))) end,
                (select pose from semap.frames_in_root(array[p_frame_id], old.at))) as pose
-      from (select stamp, case when stamp = '-infinity' or stamp = max(stamp) over () then 'infinity' else stamp end as at
+      from (select stamp,
+                   case when stamp = '-infinity' or stamp = max(stamp) over () then 'infinity' else stamp end as at
             from semap.frame_pose where frame_id = p_frame_id) old
     ) new
     where p.frame_id = p_frame_id and p.stamp = new.stamp and new.pose is not null;

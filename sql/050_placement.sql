@@ -10,9 +10,11 @@ create or replace function semap.box_3d(
 ) returns public.geometry
 language sql immutable parallel safe as $$
   select public.st_affine(
-    'TIN Z (((0 0 0,0 1 0,1 1 0,0 0 0)),((0 0 0,1 1 0,1 0 0,0 0 0)),((0 0 1,1 0 1,1 1 1,0 0 1)),((0 0 1,1 1 1,0 1 1,0 0 1)),
+    'TIN Z (((0 0 0,0 1 0,1 1 0,0 0 0)),((0 0 0,1 1 0,1 0 0,0 0 0)),((0 0 1,1 0 1,1 1 1,0 0 1)),
+      ((0 0 1,1 1 1,0 1 1,0 0 1)),
       ((0 0 0,1 0 0,1 0 1,0 0 0)),((0 0 0,1 0 1,0 0 1,0 0 0)),((1 0 0,1 1 0,1 1 1,1 0 0)),((1 0 0,1 1 1,1 0 1,1 0 0)),
-      ((1 1 0,0 1 0,0 1 1,1 1 0)),((1 1 0,0 1 1,1 1 1,1 1 0)),((0 1 0,0 0 0,0 0 1,0 1 0)),((0 1 0,0 0 1,0 1 1,0 1 0)))'::public.geometry,
+      ((1 1 0,0 1 0,0 1 1,1 1 0)),((1 1 0,0 1 1,1 1 1,1 1 0)),((0 1 0,0 0 0,0 0 1,0 1 0)),
+      ((0 1 0,0 0 1,0 1 1,0 1 0)))'::public.geometry,
     p_x_max_m - p_x_min_m, 0, 0, 0, p_y_max_m - p_y_min_m, 0, 0, 0, p_z_max_m - p_z_min_m,
     p_x_min_m, p_y_min_m, p_z_min_m)
 $$;
@@ -31,7 +33,8 @@ create or replace function semap.smallest_rectangle(p_hull public.geometry) retu
 language sql immutable parallel safe as $$
   select public.st_rotate(box, -angle_rad)
   from public.st_dumpsegments(public.st_exteriorring(p_hull)) side,
-       lateral (select public.st_azimuth(public.st_startpoint(side.geom), public.st_endpoint(side.geom)) as angle_rad) a,
+       lateral (select public.st_azimuth(public.st_startpoint(side.geom), public.st_endpoint(side.geom))
+                as angle_rad) a,
        lateral (select public.st_envelope(public.st_rotate(p_hull, angle_rad)) as box) b
   order by public.st_area(box), angle_rad
   limit 1
@@ -45,9 +48,11 @@ returns table (footprint public.geometry, z_min_m double precision, z_max_m doub
 language plpgsql stable set search_path = public, pg_temp as $$
 begin
   return query
-    select semap.area_only(semap.placed(g.body, composed.pose)), g.z_min_m + (composed.pose).z_m, g.z_max_m + (composed.pose).z_m
+    select semap.area_only(semap.placed(g.body, composed.pose)), g.z_min_m + (composed.pose).z_m,
+           g.z_max_m + (composed.pose).z_m
     from semap.geometry g,
-         lateral (select semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose) as pose) composed
+         lateral (select semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose)
+                  as pose) composed
     where g.description_id = p_description_id and g.type = 'POLYGON2D' and semap.is_upright(composed.pose)
     limit 1;
   if found then
@@ -60,7 +65,8 @@ begin
                     st_force3d(g.body),
                     semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose)) as body) moved,
          lateral st_dump(moved.body) part,
-         lateral (select st_force2d(case when geometrytype(part.geom) = 'TRIANGLE' then st_makepolygon(st_exteriorring(part.geom))
+         lateral (select st_force2d(case when geometrytype(part.geom) = 'TRIANGLE'
+                                         then st_makepolygon(st_exteriorring(part.geom))
                                          else part.geom end) as shape) face
     where g.description_id = p_description_id
       and (g.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D', 'POLYGON3D')
@@ -86,7 +92,8 @@ language sql stable set search_path = public, pg_temp as $$
     join semap.frame root on root.frame_id = p.root_id and root.name = 'map'
     where i.instance_id = any (p_instance_ids) and i.relative_description_id is not null and p.pose is not null
   ), moved as materialized (
-    select p.instance_id, p.absolute_id, p.relative_id, p.pose, p.upright, a.type, semap.placed(a.geometry, p.pose) as shape,
+    select p.instance_id, p.absolute_id, p.relative_id, p.pose, p.upright, a.type,
+           semap.placed(a.geometry, p.pose) as shape,
            case when p.upright then a.z_min_m + (p.pose).z_m end as z_min_m,
            case when p.upright then a.z_max_m + (p.pose).z_m end as z_max_m
     from placed p join semap.abstraction a on a.description_id = p.relative_id
@@ -100,7 +107,8 @@ language sql stable set search_path = public, pg_temp as $$
     select p.instance_id, p.absolute_id, o.footprint,
            coalesce(semap.area_only(st_convexhull(st_points(h.shape))),
                     semap.area_only(st_convexhull(o.footprint))) as hull,
-           coalesce(o.z_min_m, nullif(e.z_min, e.z_max)) as z_min_m, coalesce(o.z_max_m, nullif(e.z_max, e.z_min)) as z_max_m
+           coalesce(o.z_min_m, nullif(e.z_min, e.z_max)) as z_min_m,
+           coalesce(o.z_max_m, nullif(e.z_max, e.z_min)) as z_max_m
     from placed p
     left join moved h on h.instance_id = p.instance_id and h.type = 'BoundingHull'
     left join extent e on e.instance_id = p.instance_id
@@ -113,7 +121,8 @@ language sql stable set search_path = public, pg_temp as $$
     union all
     select instance_id, absolute_id, 'Footprint', coalesce(footprint, hull), z_min_m, z_max_m from tilted
     union all
-    select instance_id, absolute_id, 'FootprintBox', semap.area_only(semap.smallest_rectangle(hull)), z_min_m, z_max_m from tilted
+    select instance_id, absolute_id, 'FootprintBox', semap.area_only(semap.smallest_rectangle(hull)), z_min_m, z_max_m
+    from tilted
     union all
     select instance_id, absolute_id, 'Position2D', st_centroid(hull), z_min_m, z_max_m from tilted
   )
@@ -245,7 +254,8 @@ end $$;
 create or replace trigger description_reshaped_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.description_reshaped();
 create or replace trigger description_reshaped_updated after update on semap.abstraction
-  referencing old table as old_row new table as new_row for each statement execute function semap.description_reshaped();
+  referencing old table as old_row new table as new_row
+  for each statement execute function semap.description_reshaped();
 create or replace trigger description_reshaped_deleted after delete on semap.abstraction
   referencing old table as old_row for each statement execute function semap.description_reshaped();
 

@@ -9,7 +9,8 @@ language sql stable as $$
 $$;
 
 -- Delete an instance with its frame. What stands on it goes with it, or stays where it is, on what carried it.
-create or replace function semap.delete_instance(p_instance_id bigint, p_with_carried boolean default false) returns void
+create or replace function semap.delete_instance(p_instance_id bigint, p_with_carried boolean default false)
+returns void
 language plpgsql as $$
 declare
   v_frame_id  bigint;
@@ -66,7 +67,8 @@ begin
   end if;
   insert into semap.frame_pose (frame_id, stamp, x_m, y_m, z_m, qx, qy, qz, qw)
   select v_frame_id, '-infinity', (p).x_m, (p).y_m, (p).z_m, (p).qx, (p).qy, (p).qz, (p).qw
-  from (select case when f.parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose else semap.pose_at(i.frame_id) end as p
+  from (select case when f.parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose
+                    else semap.pose_at(i.frame_id) end as p
         from semap.instance i join semap.frame f using (frame_id) where i.instance_id = p_instance_id) now;
   insert into semap.instance (map_id, name, alias, concept_id, frame_id, relative_description_id, storey_id, attributes)
   select map_id, p_name, alias, concept_id, v_frame_id, relative_description_id, storey_id, attributes
@@ -80,7 +82,8 @@ begin
 end $$;
 
 -- Delete a blueprint. Its instances look like another one from then on, or (null) like nothing.
-create or replace function semap.delete_description(p_description_id bigint, p_replacement_id bigint default null) returns void
+create or replace function semap.delete_description(p_description_id bigint, p_replacement_id bigint default null)
+returns void
 language plpgsql as $$
 begin
   perform semap.change_regions();

@@ -6,9 +6,10 @@ language sql stable parallel safe
 return md5(p_query || '|' || p_track || '|' || p_instance || '|' || p_kind || '|' || p_cause || '|'
            || (extract(epoch from p_edge_at) * 1000000)::bigint)::uuid;
 
--- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow on
--- one another (1 is from the first to the second), and the nearest door of the instance, not further away than a thick
--- wall: by its outline, else its line (sql/119), else its origin. A place that is not on the outline was not crossed at.
+-- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow
+-- on one another (1 is from the first to the second), and the nearest door of the instance, not further away than a
+-- thick wall: by its outline, else its line (sql/119), else its origin. A place that is not on the outline was not
+-- crossed at.
 create or replace function semap.crossed_at(
   p_region_id integer, p_x_m double precision, p_y_m double precision,
   out edge integer, out door_id bigint, out door_name text
@@ -40,8 +41,8 @@ begin
 end $$;
 
 -- Write crossings to relation_change in the order of their stamps, bring relation up to date, and keep what is over in
--- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no event
--- time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
+-- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no
+-- event time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
 -- identity is random.
 create or replace function semap.record_crossings(p_crossings semap.crossing[]) returns void
 language plpgsql set random_page_cost = 1.1 as $$ -- few rows are found by their place, and no table is read for them

@@ -22,7 +22,8 @@ begin
   return v_found;
 end $$;
 
--- Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or `..`.
+-- Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or
+-- `..`.
 create or replace function semap.check_condition_interval(p_ends jsonb, p_place text, p_depth integer, p_names text[])
 returns text
 language plpgsql immutable parallel safe as $$
@@ -35,7 +36,8 @@ begin
     v_end := p_ends -> i;
     if v_end <> '".."' then
       v_kind := case when jsonb_typeof(v_end) = 'string' then 'instant'
-                     else semap.check_condition_part(v_end, format('%s.interval[%s]', p_place, i), p_depth + 1, p_names) end;
+                     else semap.check_condition_part(v_end, format('%s.interval[%s]', p_place, i), p_depth + 1,
+                                                     p_names) end;
       if v_kind not in ('instant', 'any') or v_end ? 'op' then
         return semap.refuse_condition(p_place, 'an end of an interval that is no time',
                                       'Give a time, a property, or "..".');
@@ -66,7 +68,8 @@ begin
                                   'Compare like with like; write times as {"timestamp": "2026-01-31T12:00:00Z"}.');
   elsif not v_known <@ array['number', 'text', 'instant'] and (p_ordered or not v_known <@ array['boolean']) then
     return semap.refuse_condition(p_place, format('%s of a %s', p_op, v_known[1]),
-                                  'Use it for number, text, instant' || case when p_ordered then '.' else ', boolean.' end);
+                                  'Use it for number, text, instant'
+                                  || case when p_ordered then '.' else ', boolean.' end);
   end if;
   return 'boolean';
 end $$;
@@ -102,7 +105,8 @@ declare
     when v_op = any (c_reals) then '{number,any}'
     when v_op in ('like', 'casei', 'accenti') then '{text,any}'
     when v_op = any (c_times) then '{instant,interval,any}' end;
-  v_least   integer := case when v_op in ('not', 'isnull', 'casei', 'accenti') then 1 when v_op = 'between' then 3 else 2 end;
+  v_least   integer := case when v_op in ('not', 'isnull', 'casei', 'accenti') then 1
+                            when v_op = 'between' then 3 else 2 end;
   v_kinds   text[];
 begin
   if v_wanted is null and v_op not in ('=', '<>', '<', '<=', '>', '>=', 'between', 'in', 'isnull') then

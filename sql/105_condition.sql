@@ -11,8 +11,8 @@ language sql immutable parallel safe as $$
                      else p_values #> string_to_array(p_name, '.') end, 'null'::jsonb)
 $$;
 
--- The kind that a part of a condition has by itself: text, number, boolean, null, array, instant, interval, or `any` for
--- a property.
+-- The kind that a part of a condition has by itself: text, number, boolean, null, array, instant, interval, or `any`
+-- for a property.
 create or replace function semap.condition_kind(p_part jsonb) returns text
 language sql immutable parallel safe as $$
   select case jsonb_typeof(p_part)
@@ -38,8 +38,9 @@ language sql immutable parallel safe as $$
     when abs(p_json::numeric) < 1 then p_json::double precision end end
 $$;
 
--- CQL2's arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too small.
--- The size of a result is looked at before, since PostgreSQL raises an error on what overflows, and a trigger must not.
+-- CQL2's arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too
+-- small. The size of a result is looked at before, since PostgreSQL raises an error on what overflows, and a trigger
+-- must not.
 create or replace function semap.real_arithmetic(p_op text, p_a double precision, p_b double precision)
 returns double precision
 language plpgsql immutable parallel safe as $$
@@ -137,8 +138,9 @@ begin
 end $$;
 
 -- Whether two parts of a condition compare so; null where that is not known. They are compared as what the left one is
--- by itself, or else the right one, and a value of another kind is not known: numbers in double precision, texts by code
--- points. Of two properties the kinds must be equal; then numbers and texts have an order, all else is equal or not.
+-- by itself, or else the right one, and a value of another kind is not known: numbers in double precision, texts by
+-- code points. Of two properties the kinds must be equal; then numbers and texts have an order, all else is equal or
+-- not.
 create or replace function semap.condition_compare(p_op text, p_a jsonb, p_b jsonb, p_values jsonb) returns boolean
 language plpgsql immutable parallel safe as $$
 declare

@@ -35,8 +35,10 @@ create or replace view semap.track_present with (security_invoker = true) as
   where t.live;
 
 -- End tracks of a source, each at a stamp, within a transaction that wrote states: where regions are held already, the
--- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a circle.
-create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[]) returns void
+-- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a
+-- circle.
+create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[])
+returns void
 language plpgsql as $$
 begin
   perform semap.hold_regions();

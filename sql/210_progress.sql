@@ -9,7 +9,8 @@ begin
     return p_after;
   end if;
 
-  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id, track_name,
+  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id,
+                           track_name,
                            instance_id, instance_name, key, measures, confidence, by_batch)
   select p_after + row_number() over (order by e.place), e.event_id, e.map_id, e.rule_name, e.rule_version, e.type,
          e.stamp, e.since, e.cause, e.track_id, e.track_name, e.instance_id, e.instance_name,
@@ -135,9 +136,9 @@ begin
   return v_seq;
 end $$;
 
--- Add events beside the log, such as those of late rows or of a run over the past; the worker goes on meanwhile. Those of
--- a map that is gone are left out, since the worker may have deleted its events before. Gives how many there were not
--- before.
+-- Add events beside the log, such as those of late rows or of a run over the past; the worker goes on meanwhile. Those
+-- of a map that is gone are left out, since the worker may have deleted its events before. Gives how many there were
+-- not before.
 create or replace function semap.add_events(p_worker text, p_events jsonb) returns bigint
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare

@@ -67,7 +67,8 @@ begin
   from semap.rule_query q join semap.rule r using (rule_id) where q.query_id = old.query_id;
   if v_rules is not null then
     raise exception 'Rules read the query %: %.', old.name, v_rules
-      using errcode = 'foreign_key_violation', hint = 'Add a query of the new name, let the rules read it, and delete this one.';
+      using errcode = 'foreign_key_violation',
+        hint = 'Add a query of the new name, let the rules read it, and delete this one.';
   end if;
   return null;
 end $$;
@@ -75,8 +76,9 @@ end $$;
 create or replace trigger query_renamed after update of name on semap.continuous_query
   for each row when (new.name <> old.name) execute function semap.query_renamed();
 
--- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and the
--- stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their own maps.
+-- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and
+-- the stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their
+-- own maps.
 create or replace view semap.rule_given_up with (security_barrier) as
   select r.rule_id, r.map_id, (g.said ->> 'attempts')::bigint as attempts, (g.said ->> 'first')::timestamptz as first,
          g.said -> 'key' as key

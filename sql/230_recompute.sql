@@ -30,8 +30,8 @@ begin
   return v_run_id;
 end $$;
 
--- Retract the events of a map that rest on what these late rows say was taken back, and what rests on those. The verdicts are
--- those of a run of their own. Gives how many events there are.
+-- Retract the events of a map that rest on what these late rows say was taken back, and what rests on those. The
+-- verdicts are those of a run of their own. Gives how many events there are.
 create or replace function semap.retract_events(p_map_id integer, p_late_row_ids bigint[]) returns integer
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare

@@ -13,7 +13,8 @@ create or replace view semap.relation_held with (security_invoker = true) as
 
 -- What holds now by every continuous query, by name; subject and object are the names of whichever kind they are.
 create or replace view semap.relation_now with (security_invoker = true) as
-  select m.name as map, q.name as query, n.track_id, t.name as track, n.instance_id, o.name as instance, n.since, n.map_id,
+  select m.name as map, q.name as query, n.track_id, t.name as track, n.instance_id, o.name as instance, n.since,
+         n.map_id,
          n.query_id, n.subject_instance_id, s.name as subject_instance, n.object_track_id, u.name as object_track,
          coalesce(t.name, s.name) as subject, coalesce(o.name, u.name) as object
   from semap.relation_held n
@@ -39,8 +40,8 @@ create or replace view semap.relation_span with (security_invoker = true) as
          n.subject_instance_id, n.subject_instance, n.instance_id, n.instance, n.object_track_id, n.object_track
   from semap.relation_now n;
 
--- What held at a moment of event time: what had begun by then, and ended later or not at all. A relation that took no time
--- held at none.
+-- What held at a moment of event time: what had begun by then, and ended later or not at all. A relation that took no
+-- time held at none.
 create or replace function semap.relations_as_of(p_at timestamptz) returns setof semap.relation_span
 language sql stable parallel safe as $$
   select s.* from semap.relation_span s

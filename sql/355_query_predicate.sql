@@ -31,8 +31,8 @@ begin
   return exists (select from semap.on_objects(array[p_object.id], array[p_subject.id]));
 end $$;
 
--- Whether two things are at most a distance [m] apart, heights counting: the convex hulls of instances as solids, and the
--- positions of tracks. Of a track whose height is not known only the distance seen from above counts.
+-- Whether two things are at most a distance [m] apart, heights counting: the convex hulls of instances as solids, and
+-- the positions of tracks. Of a track whose height is not known only the distance seen from above counts.
 create or replace function semap_query.is_near(p_subject record, p_object record, p_distance_m double precision)
 returns boolean
 language plpgsql stable parallel safe as $$
@@ -58,9 +58,9 @@ begin
                             public.st_convexhull(public.st_points(public.st_force2d(v_object)))) <= p_distance_m;
 end $$;
 
--- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own frame:
--- in the projection of its box to that side, up to 10 m. A track is where its position is, within the sides of the
--- projection and not on them, at any height if its own is not known; an instance counts with any part of it.
+-- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own
+-- frame: in the projection of its box to that side, up to 10 m. A track is where its position is, within the sides of
+-- the projection and not on them, at any height if its own is not known; an instance counts with any part of it.
 create or replace function semap_query.is_beside(p_direction text, p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -117,8 +117,8 @@ begin
   return semap_query.is_beside('right_of', p_subject, p_object);
 end $$;
 
--- Whether a track's heading is within an angle [rad] of the bearing of the object's position; null without a heading, and
--- where the two are at one place.
+-- Whether a track's heading is within an angle [rad] of the bearing of the object's position; null without a heading,
+-- and where the two are at one place.
 create or replace function semap_query.faces(p_subject record, p_object record, p_angle_rad double precision)
 returns boolean
 language plpgsql stable parallel safe as $$
@@ -138,9 +138,9 @@ end $$;
 
 -- Whether the distance from a track to the object falls by a speed [m/s] or more, while they are at most a distance [m]
 -- apart: to the nearest point of an instance's footprint (of its position where it has none), or to another track's
--- position, which may move, too. A row has no state before, so that heading and speed say how the distance changes, where a
--- query that is kept compares the distances at successive states. False where they meet; null where the track's heading or
--- speed is not known.
+-- position, which may move, too. A row has no state before, so that heading and speed say how the distance changes,
+-- where a query that is kept compares the distances at successive states. False where they meet; null where the track's
+-- heading or speed is not known.
 create or replace function semap_query.approaches(
   p_subject record, p_object record, p_speed_mps double precision, p_distance_m double precision
 ) returns boolean
@@ -148,7 +148,8 @@ language plpgsql stable parallel safe as $$
 declare
   v_shape   public.geometry := case when p_object.kind = 'track' then p_object.position
                                     else coalesce(p_object.footprint, p_object.position) end;
-  v_line    public.geometry := public.st_shortestline(public.st_force2d(p_subject.position), public.st_force2d(v_shape));
+  v_line    public.geometry := public.st_shortestline(public.st_force2d(p_subject.position),
+                                                      public.st_force2d(v_shape));
   v_x_mps   double precision := p_subject.speed_mps * cos(p_subject.heading_rad);
   v_y_mps   double precision := p_subject.speed_mps * sin(p_subject.heading_rad);
   v_line_m  double precision := public.st_length(v_line);
@@ -164,8 +165,9 @@ begin
           + v_y_mps * (public.st_y(public.st_endpoint(v_line)) - p_subject.y_m)) / v_line_m >= p_speed_mps;
 end $$;
 
--- Whether the straight way of a track from the state before its present one meets the object's footprint. A query that is
--- kept tells each crossing of its line or boundary as it happens; a way that stays inside an area crosses nothing then.
+-- Whether the straight way of a track from the state before its present one meets the object's footprint. A query that
+-- is kept tells each crossing of its line or boundary as it happens; a way that stays inside an area crosses nothing
+-- then.
 create or replace function semap_query.crosses(p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare

@@ -1,9 +1,9 @@
--- What holds by each continuous query, as a view of its own in the schema semap_result, named MAP/QUERY: the columns that
--- the query selects (all names and ids where it selects none), and since when.
+-- What holds by each continuous query, as a view of its own in the schema semap_result, named MAP/QUERY: the columns
+-- that the query selects (all names and ids where it selects none), and since when.
 create schema if not exists semap_result;
 
--- The column list of a query's result: each name of its payload with the column of a side that it is, t the subject and o
--- the object. Without a payload it is the names and ids, called after what they are where that tells them apart.
+-- The column list of a query's result: each name of its payload with the column of a side that it is, t the subject and
+-- o the object. Without a payload it is the names and ids, called after what they are where that tells them apart.
 create or replace function semap.result_columns(p_payload jsonb, p_subject_kind text, p_object_kind text) returns text
 language sql stable parallel safe as $$
   select coalesce(string_agg(format('%s.%I as %I', side, source, name), ', ' order by name),

@@ -57,7 +57,8 @@ $$;
 
 -- Ask for a continuous query by its text in SQL, on a map, or on the only one. Gives the number of the request, which a
 -- worker answers once this transaction is committed: see semap.await_continuous_query and semap.query_requests.
-create or replace function semap.create_continuous_query(p_name text, p_sql text, p_map text default null) returns bigint
+create or replace function semap.create_continuous_query(p_name text, p_sql text, p_map text default null)
+returns bigint
 language plpgsql as $$
 declare
   v_map_id      integer := semap.map_of_query(p_map);
@@ -168,7 +169,8 @@ begin
   query_id := v_request.query_id;
 end $$;
 
--- Delete a continuous query, so that its relations end, or take a request back that waits. One that rules read is refused.
+-- Delete a continuous query, so that its relations end, or take a request back that waits. One that rules read is
+-- refused.
 create or replace function semap.drop_continuous_query(p_name text, p_map text default null) returns void
 language plpgsql as $$
 declare

@@ -1,7 +1,8 @@
 -- How things lie to one another seen from above, by their footprints. Boxes are compared by the index first; the
 -- predicates themselves are those of PostGIS (GEOS), exact for the coordinates as they are stored.
 -- Every operator takes references and targets as ids of instances; null means all instances on the maps of the
--- other side (here and in 415 to 430; elsewhere only where a comment says so). A thing is never paired with itself, and things of different maps are not paired.
+-- other side (here and in 415 to 430; elsewhere only where a comment says so). A thing is never paired with itself, and
+-- things of different maps are not paired.
 
 -- The instances of these ids with their maps; for null all on the maps of the others, or all there are.
 create or replace function semap.operands(p_ids bigint[], p_other_ids bigint[])
@@ -34,7 +35,8 @@ end $$;
 -- Pairs of things of one map whose footprints' boxes meet, with their footprints and the heights of these.
 create or replace function semap.footprint_pairs(p_reference_ids bigint[], p_target_ids bigint[] default null)
 returns table (
-  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision, reference_z_max_m double precision,
+  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision,
+  reference_z_max_m double precision,
   target_id bigint, target_area public.geometry, target_z_min_m double precision, target_z_max_m double precision
 )
 language sql stable parallel safe as $$
@@ -97,7 +99,8 @@ begin
 end $$;
 
 -- Pairs of things of whose footprints a named predicate holds: reference, predicate, target, read in this order.
-create or replace function semap.topology(p_predicate text, p_reference_ids bigint[], p_target_ids bigint[] default null)
+create or replace function semap.topology(p_predicate text, p_reference_ids bigint[],
+                                          p_target_ids bigint[] default null)
 returns table (reference_id bigint, target_id bigint)
 language plpgsql stable parallel safe as $$
 begin

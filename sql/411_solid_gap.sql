@@ -114,7 +114,8 @@ begin
                        cx_m - ax_m as cx, cy_m - ay_m as cy, cz_m - az_m as cz offset 0) side,
        lateral (select sqrt(bx * bx + by * by + bz * bz) as l, by * cz - bz * cy as mx, bz * cx - bx * cz as my,
                        bx * cy - by * cx as mz offset 0) normal,
-       lateral (select nullif(greatest(sqrt(mx * mx + my * my + mz * mz), 1e-9 * l * l), 1e-9 * l * l) as twice offset 0) area,
+       lateral (select nullif(greatest(sqrt(mx * mx + my * my + mz * mz), 1e-9 * l * l), 1e-9 * l * l)
+                as twice offset 0) area,
        lateral (select bx / nullif(l, 0) as ux, by / nullif(l, 0) as uy, bz / nullif(l, 0) as uz,
                        mx / twice as nx, my / twice as ny, mz / twice as nz offset 0) unit;
 end $$;
@@ -138,7 +139,8 @@ return sqrt(d * d + case
 create or replace function semap.surface_gap_3d(p_mesh public.geometry, p_point public.geometry)
 returns double precision
 language sql immutable strict parallel safe as $$
-  select min(semap.triangle_gap_m(l, p, q, dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz, dx * nx + dy * ny + dz * nz))
+  select min(semap.triangle_gap_m(l, p, q, dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz,
+                                  dx * nx + dy * ny + dz * nz))
   from semap.plain_coordinates(p_point), semap.triangle_planes(p_mesh),
        lateral (select x - ox as dx, y - oy as dy, z - oz as dz offset 0) d
 $$;
@@ -193,16 +195,20 @@ begin
   from unnest(p_a_nos, p_b_nos) pair (a_no, b_no)
   join semap.mesh_triangles(p_a) a on a.triangle_no = a_no
   join semap.mesh_triangles(p_b) b on b.triangle_no = b_no,
-       lateral (values (a.ax_m, a.ay_m, a.az_m, a.bx_m, a.by_m, a.bz_m), (a.bx_m, a.by_m, a.bz_m, a.cx_m, a.cy_m, a.cz_m),
+       lateral (values (a.ax_m, a.ay_m, a.az_m, a.bx_m, a.by_m, a.bz_m),
+                (a.bx_m, a.by_m, a.bz_m, a.cx_m, a.cy_m, a.cz_m),
                        (a.cx_m, a.cy_m, a.cz_m, a.ax_m, a.ay_m, a.az_m)) as d (fx, fy, fz, tx, ty, tz),
-       lateral (values (b.ax_m, b.ay_m, b.az_m, b.bx_m, b.by_m, b.bz_m), (b.bx_m, b.by_m, b.bz_m, b.cx_m, b.cy_m, b.cz_m),
+       lateral (values (b.ax_m, b.ay_m, b.az_m, b.bx_m, b.by_m, b.bz_m),
+                (b.bx_m, b.by_m, b.bz_m, b.cx_m, b.cy_m, b.cz_m),
                        (b.cx_m, b.cy_m, b.cz_m, b.ax_m, b.ay_m, b.az_m)) as e (gx, gy, gz, hx, hy, hz),
        lateral (select tx - fx as dx, ty - fy as dy, tz - fz as dz, hx - gx as ex, hy - gy as ey, hz - gz as ez,
                        fx - gx as rx, fy - gy as ry, fz - gz as rz offset 0) side,
-       lateral (select dx * dx + dy * dy + dz * dz as dd, ex * ex + ey * ey + ez * ez as ee, dx * ex + dy * ey + dz * ez as de,
+       lateral (select dx * dx + dy * dy + dz * dz as dd, ex * ex + ey * ey + ez * ez as ee,
+                dx * ex + dy * ey + dz * ez as de,
                        dx * rx + dy * ry + dz * rz as dr, ex * rx + ey * ry + ez * rz as er offset 0) dot,
        lateral (select greatest(0, least(1, coalesce((de * er - dr * ee)
-                         / nullif(greatest(dd * ee - de * de, 1e-14 * dd * ee), 1e-14 * dd * ee), 0))) as s0 offset 0) first,
+                         / nullif(greatest(dd * ee - de * de, 1e-14 * dd * ee), 1e-14 * dd * ee),
+                         0))) as s0 offset 0) first,
        lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t offset 0) second,
        lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s offset 0) third);
 end $$;

@@ -48,7 +48,8 @@ begin
        lateral (select (bu - au) / nullif(length_m, 0) * p_tolerance_m / 2 as eu,
                        (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev offset 0) over_end
   where length_m > 0 and greatest(av, bv) > p_tolerance_m / 8
-    and greatest((p - l) * av - q * (au - l), (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
+    and greatest((p - l) * av - q * (au - l),
+                 (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
     and greatest(q * au - p * av, q * bu - p * bv) > p_tolerance_m / 8 * sqrt(p * p + q * q);
 end $$;
 
@@ -80,7 +81,8 @@ begin
       select f.triangle_no, l, p, q, cell.geom as cell, st_pointonsurface(cell.geom) as middle
       from cut join plane f using (triangle_no),
            lateral st_dump(st_polygonize(array[st_unaryunion(st_collect(lines, st_makeline(array[
-             st_makepoint(0, 0), st_makepoint(l, 0), st_makepoint(p, q), st_makepoint(0, 0)])), p_tolerance_m / 8)])) cell
+             st_makepoint(0, 0), st_makepoint(l, 0), st_makepoint(p, q), st_makepoint(0, 0)])),
+             p_tolerance_m / 8)])) cell
     ) made
     where st_y(middle) > 0 and (p - l) * st_y(middle) - q * (st_x(middle) - l) > 0
       and q * st_x(middle) - p * st_y(middle) > 0
@@ -105,7 +107,8 @@ create or replace function semap.line_points(
 ) returns setof public.geometry
 language sql immutable strict parallel safe rows 100 as $$
   with segment as materialized (
-    select row_number() over () as number, segment.geom, a.x, a.y, a.z, b.x - a.x as dx, b.y - a.y as dy, b.z - a.z as dz
+    select row_number() over () as number, segment.geom, a.x, a.y, a.z, b.x - a.x as dx, b.y - a.y as dy,
+           b.z - a.z as dz
     from st_dumpsegments(p_line) segment, semap.plain_coordinates(st_startpoint(segment.geom)) a,
          semap.plain_coordinates(st_endpoint(segment.geom)) b
   ), near as (
@@ -119,15 +122,19 @@ language sql immutable strict parallel safe rows 100 as $$
     union
     select number, t
     from near, generate_series(1, 3) k,
-         lateral (select corner[k][1] as ax, corner[k][2] as ay, corner[k][3] as az, corner[k + 1][1] - corner[k][1] as ex,
+         lateral (select corner[k][1] as ax, corner[k][2] as ay, corner[k][3] as az,
+                  corner[k + 1][1] - corner[k][1] as ex,
                          corner[k + 1][2] - corner[k][2] as ey, corner[k + 1][3] - corner[k][3] as ez,
-                         corner[2][1] - corner[1][1] as ux, corner[2][2] - corner[1][2] as uy, corner[2][3] - corner[1][3] as uz,
-                         corner[3][1] - corner[1][1] as vx, corner[3][2] - corner[1][2] as vy, corner[3][3] - corner[1][3] as vz offset 0) e,
+                         corner[2][1] - corner[1][1] as ux, corner[2][2] - corner[1][2] as uy,
+                         corner[2][3] - corner[1][3] as uz,
+                         corner[3][1] - corner[1][1] as vx, corner[3][2] - corner[1][2] as vy,
+                         corner[3][3] - corner[1][3] as vz offset 0) e,
          lateral (select dy * ez - dz * ey as mx, dz * ex - dx * ez as my, dx * ey - dy * ex as mz,
                          uy * vz - uz * vy as nx, uz * vx - ux * vz as ny, ux * vy - uy * vx as nz offset 0) n,
          unnest(array[
            (ax * dx + ay * dy + az * dz) / nullif(dx * dx + dy * dy + dz * dz, 0),
-           (mx * (ay * ez - az * ey) + my * (az * ex - ax * ez) + mz * (ax * ey - ay * ex)) / nullif(mx * mx + my * my + mz * mz, 0),
+           (mx * (ay * ez - az * ey) + my * (az * ex - ax * ez) + mz * (ax * ey - ay * ex))
+             / nullif(mx * mx + my * my + mz * mz, 0),
            (ax * nx + ay * ny + az * nz) / nullif(dx * nx + dy * ny + dz * nz, 0)]) t
     where t > 0 and t < 1
   ), part as (

@@ -30,8 +30,10 @@ begin
   ), celled as (
     select i, j, flat.*, near_m
     from flat cross join grid,
-         generate_series(floor((flat.x0 - near_m - grid.x0) / dx)::integer, floor((flat.x1 + near_m - grid.x0) / dx)::integer) i,
-         generate_series(floor((flat.y0 - near_m - grid.y0) / dy)::integer, floor((flat.y1 + near_m - grid.y0) / dy)::integer) j
+         generate_series(floor((flat.x0 - near_m - grid.x0) / dx)::integer,
+                         floor((flat.x1 + near_m - grid.x0) / dx)::integer) i,
+         generate_series(floor((flat.y0 - near_m - grid.y0) / dy)::integer,
+                         floor((flat.y1 + near_m - grid.y0) / dy)::integer) j
   ), point as (
     select number::integer as number, x, y, z, floor((x - x0) / dx)::integer as i, floor((y - y0) / dy)::integer as j
     from (select number, x - 0.2137521 * z as x, y - 0.3719053 * z as y, z

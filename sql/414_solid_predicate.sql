@@ -103,7 +103,8 @@ begin
   end if;
   -- the container's own surface within the content is a cavity there, and so is what all of the
   -- content's surface faces against
-  return not exists (select from semap.surface_parts(p_container, p_content, v_near.b_nos, v_near.a_nos, true, p_tolerance_m)
+  return not exists (select from semap.surface_parts(p_container, p_content, v_near.b_nos, v_near.a_nos, true,
+                                                     p_tolerance_m)
                      where not is_on and winding > 0.5)
      and not exists (select from unnest(v_behind) point
                      where semap.is_deep_3d(p_content, point, true, p_tolerance_m)
@@ -131,7 +132,8 @@ begin
   from semap.surface_parts(p_b, p_a, v_near.a_nos, v_near.b_nos, semap.is_closed_3d(p_a), p_tolerance_m),
        unnest(array[0.3 * width_m, 0.03 * width_m, 4 * p_tolerance_m]) depth_m;
   return coalesce(v_reaches_in, false)
-      or exists (select from semap.surface_parts(p_a, p_b, v_near.b_nos, v_near.a_nos, semap.is_closed_3d(p_b), p_tolerance_m)
+      or exists (select from semap.surface_parts(p_a, p_b, v_near.b_nos, v_near.a_nos, semap.is_closed_3d(p_b),
+                                                 p_tolerance_m)
                  where not is_on and winding > 0.5)
       or exists (select from unnest(v_behind) point
                  where semap.is_deep_3d(p_a, point, true, p_tolerance_m)
@@ -190,7 +192,8 @@ language sql immutable strict parallel safe as $$
   select coalesce((
     select semap.surface_gap_3d(p_surface, geom)
     from (select box3d(p_surface) as bounds offset 0) whole,
-         semap.plain_coordinates(st_makepoint((st_xmin(bounds) + st_xmax(bounds)) / 2, (st_ymin(bounds) + st_ymax(bounds)) / 2,
+         semap.plain_coordinates(st_makepoint((st_xmin(bounds) + st_xmax(bounds)) / 2,
+                                              (st_ymin(bounds) + st_ymax(bounds)) / 2,
                                               (st_zmin(bounds) + st_zmax(bounds)) / 2)) middle,
          st_dumppoints(p_other), semap.plain_coordinates(geom) corner
     order by (corner.x - middle.x) ^ 2 + (corner.y - middle.y) ^ 2 + (corner.z - middle.z) ^ 2

@@ -65,7 +65,8 @@ end $$;
 -- Things without a footprint whose position lies in the box of a reference's footprint, on the same map.
 create or replace function semap.position_pairs(p_reference_ids bigint[], p_target_ids bigint[] default null)
 returns table (
-  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision, reference_z_max_m double precision,
+  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision,
+  reference_z_max_m double precision,
   target_id bigint, target_area public.geometry, target_z_min_m double precision, target_z_max_m double precision
 )
 language sql stable parallel safe as $$
@@ -129,7 +130,8 @@ end $$;
 create or replace function semap.bodies_relate(
   p_relation text,
   p_area public.geometry, p_bottom_m double precision, p_top_m double precision, p_body public.geometry,
-  p_other public.geometry, p_other_bottom_m double precision, p_other_top_m double precision, p_other_body public.geometry
+  p_other public.geometry, p_other_bottom_m double precision, p_other_top_m double precision,
+  p_other_body public.geometry
 ) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -147,10 +149,12 @@ begin
   end if;
   -- a prism without an end is cut off well beyond the other
   if v_body is null then
-    v_body := semap.prism_between(p_area, greatest(p_bottom_m, p_other_bottom_m - 1), least(p_top_m, p_other_top_m + 1));
+    v_body := semap.prism_between(p_area, greatest(p_bottom_m, p_other_bottom_m - 1),
+                                  least(p_top_m, p_other_top_m + 1));
   end if;
   if v_other is null and st_dimension(p_other) = 2 then
-    v_other := semap.prism_between(p_other, greatest(p_other_bottom_m, p_bottom_m - 1), least(p_other_top_m, p_top_m + 1));
+    v_other := semap.prism_between(p_other, greatest(p_other_bottom_m, p_bottom_m - 1),
+                                   least(p_other_top_m, p_top_m + 1));
   elsif v_other is null then
     v_other := st_makepoint(st_x(p_other), st_y(p_other),
                             least(greatest(p_other_bottom_m, p_bottom_m), p_other_top_m));
@@ -190,7 +194,8 @@ begin
             union all select * from semap.position_pairs(p_reference_ids, p_target_ids)) p
       where semap.prisms_relate(
         p_relation,
-        p.reference_area, semap.bottom_m(p.reference_id, p.reference_z_min_m), semap.top_m(p.reference_id, p.reference_z_max_m),
+        p.reference_area, semap.bottom_m(p.reference_id, p.reference_z_min_m),
+        semap.top_m(p.reference_id, p.reference_z_max_m),
         p.target_area, semap.bottom_m(p.target_id, p.target_z_min_m), semap.top_m(p.target_id, p.target_z_max_m));
   else
     return query
@@ -198,7 +203,8 @@ begin
         select p.reference_id, p.reference_area, p.target_id, p.target_area,
                semap.bottom_m(p.reference_id, p.reference_z_min_m) as r_low,
                semap.top_m(p.reference_id, p.reference_z_max_m) as r_high,
-               semap.bottom_m(p.target_id, p.target_z_min_m) as t_low, semap.top_m(p.target_id, p.target_z_max_m) as t_high
+               semap.bottom_m(p.target_id, p.target_z_min_m) as t_low,
+               semap.top_m(p.target_id, p.target_z_max_m) as t_high
         from (select * from semap.footprint_pairs(p_reference_ids, p_target_ids)
               union all select * from semap.position_pairs(p_reference_ids, p_target_ids)) p
         where st_dwithin(p.reference_area, p.target_area, 1e-6)
@@ -225,7 +231,8 @@ create or replace function semap.in_objects(
   p_reference_ids bigint[], p_target_ids bigint[] default null, p_mode text default '2d', p_strict boolean default false
 ) returns table (reference_id bigint, target_id bigint)
 language sql stable parallel safe as $$
-  select * from semap.related_pairs(case when p_strict then 'within' else 'partly' end, p_reference_ids, p_target_ids, p_mode)
+  select * from semap.related_pairs(case when p_strict then 'within' else 'partly' end, p_reference_ids, p_target_ids,
+                                    p_mode)
 $$;
 
 -- What shares a point with the references; touching counts. Exact for prisms ('2d') or for bodies ('3d').
@@ -238,7 +245,8 @@ $$;
 
 -- The height [m] of the upward face of a body beneath an area that is nearest to a height; null where none is
 -- beneath it. Of a slope counts its highest place beneath the area.
-create or replace function semap.surface_beneath(p_body public.geometry, p_area public.geometry, p_height_m double precision)
+create or replace function semap.surface_beneath(p_body public.geometry, p_area public.geometry,
+                                                 p_height_m double precision)
 returns double precision
 language sql immutable parallel safe as $$
   select s.height_m
@@ -254,7 +262,8 @@ language sql immutable parallel safe as $$
            (bz - az) * (cx - ax) - (cz - az) * (bx - ax) as ny) n
   cross join lateral (
     select st_intersection(st_makepolygon(st_makeline(array[
-             st_makepoint(ax, ay), st_makepoint(bx, by), st_makepoint(cx, cy), st_makepoint(ax, ay)])), p_area) as overlap) o
+             st_makepoint(ax, ay), st_makepoint(bx, by), st_makepoint(cx, cy), st_makepoint(ax, ay)])),
+             p_area) as overlap) o
   cross join lateral (
     select max(az - (nx * (st_x(d.geom) - ax) + ny * (st_y(d.geom) - ay)) / nz) as height_m
     from st_dumppoints(o.overlap) d) s
@@ -324,7 +333,8 @@ language plpgsql stable parallel safe as $$
 declare
   v_is_body    boolean := st_zmflag(p_volume) = 2 and geometrytype(p_volume) in ('TIN', 'POLYHEDRALSURFACE');
   v_body       public.geometry := case when v_is_body then p_volume end;
-  v_area       public.geometry := case when v_is_body then st_envelope(st_force2d(p_volume)) else st_force2d(p_volume) end;
+  v_area       public.geometry := case when v_is_body then st_envelope(st_force2d(p_volume))
+                                       else st_force2d(p_volume) end;
   v_bottom_m   double precision := case when v_is_body then st_zmin(p_volume) else p_z_min_m end;
   v_top_m      double precision := case when v_is_body then st_zmax(p_volume) else p_z_max_m end;
   v_relation   text := case when p_strict then 'within' else 'meets' end;

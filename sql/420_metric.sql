@@ -48,7 +48,8 @@ begin
   -- of a micrometre aside it finds it
   if v_point is null and semap.intersects_3d(p_a, p_b, 1e-9) then
     select st_startpoint(line) into v_point
-    from (values (1e-7, 0, 0), (0, 1e-7, 0), (0, 0, 1e-7), (-1e-7, 0, 0), (0, -1e-7, 0), (0, 0, -1e-7)) aside (x_m, y_m, z_m),
+    from (values (1e-7, 0, 0), (0, 1e-7, 0), (0, 0, 1e-7), (-1e-7, 0, 0), (0, -1e-7, 0),
+          (0, 0, -1e-7)) aside (x_m, y_m, z_m),
          lateral (select st_3dshortestline(st_translate(p_a, x_m, y_m, z_m), p_b) as line) l
     order by st_3dlength(line) limit 1;
   end if;
@@ -102,7 +103,8 @@ begin
            case when st_zmflag(line) = 2 then st_3dlength(line) else st_length(line) end,
            st_startpoint(line), st_endpoint(line)
     from r join t on t.map_id = r.map_id and t.instance_id <> r.instance_id
-    cross join lateral (select semap.line_between(r.shape, t.shape, p_mode, 'Body' not in (v_reference, v_target)) as line offset 0) l
+    cross join lateral (select semap.line_between(r.shape, t.shape, p_mode, 'Body' not in (v_reference, v_target))
+                        as line offset 0) l
     where r.shape is not null and t.shape is not null;
 end $$;
 
@@ -195,14 +197,16 @@ declare
 begin
   if p_by_key then
     return format('select s.instance_id, n.instance_id, n.distance_m, n.rank from (%s) s', p_shapes) || format(
-      ' cross join lateral (select f.*, (row_number() over (order by distance_m, instance_id))::integer as rank from (%s) f) n',
+      ' cross join lateral (select f.*, (row_number() over (order by distance_m, instance_id))::integer as rank'
+      ' from (%s) f) n',
       format(v_best, format('select a.instance_id, a.geometry from semap.abstraction a'
                             ' where a.instance_id = any ($2) and a.type = %L and %s', p_abstraction, v_is_candidate)));
   end if;
   return format('select s.instance_id, n.instance_id, n.distance_m, n.rank from (%s) s', p_shapes)
     || ' cross join lateral (select coalesce(('
     || '   select e.radius_m from (select 0.1 * 1.5 ^ generate_series(0, 45) as radius_m) e'
-    || '   where (select count(*) from (' || format(v_boxed, 'e.radius_m') || ' limit $1) few) >= $1 limit 1), 1e9) as radius_m offset 0) r'
+    || '   where (select count(*) from (' || format(v_boxed, 'e.radius_m')
+    || ' limit $1) few) >= $1 limit 1), 1e9) as radius_m offset 0) r'
     || ' cross join lateral (select max(distance_m) * (1 + 1e-12) + 1e-9 as reach_m from ('
     ||   replace(format(v_best, format(v_boxed, 'r.radius_m')), v_distance, v_bound) || ') f offset 0) b'
     || ' cross join lateral ('

@@ -20,7 +20,8 @@ begin
   from semap.abstraction where instance_id = p_instance_id and type = 'BoundingHull';
   if not found then
     select st_collect(
-             st_translate(st_force3d(st_points(f.geometry)), 0, 0, greatest(semap.bottom_m(p_instance_id, f.z_min_m), -1e5)),
+             st_translate(st_force3d(st_points(f.geometry)), 0, 0,
+                          greatest(semap.bottom_m(p_instance_id, f.z_min_m), -1e5)),
              st_translate(st_force3d(st_points(f.geometry)), 0, 0, least(semap.top_m(p_instance_id, f.z_max_m), 1e5)))
       into v_corners
     from semap.abstraction f
@@ -51,7 +52,8 @@ declare
   v_y_m     double precision;
 begin
   if p_frame = 'object' then
-    return (select f.pose from semap.instance i, semap.frames_in_root(array[i.frame_id]) f where i.instance_id = p_instance_id);
+    return (select f.pose from semap.instance i, semap.frames_in_root(array[i.frame_id]) f
+            where i.instance_id = p_instance_id);
   elsif p_frame = 'map' then
     return row(0, 0, 0, 0, 0, 0, 1)::semap.pose;
   elsif p_frame is distinct from 'viewer' then
@@ -66,7 +68,8 @@ begin
   v_x_m := st_x(v_centre) - (p_viewer).x_m;
   v_y_m := st_y(v_centre) - (p_viewer).y_m;
   return semap.pose_from_yaw((p_viewer).x_m, (p_viewer).y_m, 0,
-                             case when v_x_m ^ 2 + v_y_m ^ 2 > 1e-12 then atan2(v_y_m, v_x_m) else semap.yaw(p_viewer) end);
+                             case when v_x_m ^ 2 + v_y_m ^ 2 > 1e-12 then atan2(v_y_m, v_x_m)
+                                  else semap.yaw(p_viewer) end);
 end $$;
 
 -- The box of a direction region around the extents of a thing, in the frame of these.
@@ -122,7 +125,8 @@ create or replace function semap.box_in_map(p_box box3d, p_axes semap.pose) retu
 language plpgsql immutable parallel safe as $$
 begin
   return semap.placed(
-    semap.box_3d(st_xmin(p_box), st_ymin(p_box), st_zmin(p_box), st_xmax(p_box), st_ymax(p_box), st_zmax(p_box)), p_axes);
+    semap.box_3d(st_xmin(p_box), st_ymin(p_box), st_zmin(p_box), st_xmax(p_box), st_ymax(p_box), st_zmax(p_box)),
+    p_axes);
 end $$;
 
 -- One of the twelve direction regions of an instance, {Front,Back,Left,Right,Top,Bot}{Projection,Halfspace}, as a
@@ -195,7 +199,8 @@ begin
             or bool_and(least(x - st_xmin(p_extents), st_xmax(p_extents) - x) < 1e-9
                         and least(y - st_ymin(p_extents), st_ymax(p_extents) - y) < 1e-9
                         and least(z - st_zmin(p_extents), st_zmax(p_extents) - z) < 1e-9)
-               and count(distinct (v_is_wide_x and st_xmax(p_extents) - x < 1e-9, v_is_wide_y and st_ymax(p_extents) - y < 1e-9,
+               and count(distinct (v_is_wide_x and st_xmax(p_extents) - x < 1e-9,
+                                   v_is_wide_y and st_ymax(p_extents) - y < 1e-9,
                                    v_is_wide_z and st_zmax(p_extents) - z < 1e-9))
                    = (1 + v_is_wide_x::integer) * (1 + v_is_wide_y::integer) * (1 + v_is_wide_z::integer)
      from (select st_x(geom) as x, st_y(geom) as y, st_z(geom) as z from st_dumppoints(p_corners)) corner), false);
@@ -260,10 +265,12 @@ begin
       select a.instance_id
       from semap.operands(p_target_ids, null) t
       join semap.instance i on i.map_id = t.map_id
-      join semap.abstraction a on a.instance_id = i.instance_id and a.type in ('BoundingHull', 'FootprintHull', 'Position2D')
-      where st_expand(box2d(a.geometry), 2 * p_reach_m + sqrt((st_xmax(a.geometry) - st_xmin(a.geometry)) ^ 2
-                                                              + (st_ymax(a.geometry) - st_ymin(a.geometry)) ^ 2
-                                                              + (st_zmax(a.geometry) - st_zmin(a.geometry)) ^ 2))::public.geometry
+      join semap.abstraction a on a.instance_id = i.instance_id
+        and a.type in ('BoundingHull', 'FootprintHull', 'Position2D')
+      where st_expand(box2d(a.geometry), 2 * p_reach_m
+                                         + sqrt((st_xmax(a.geometry) - st_xmin(a.geometry)) ^ 2
+                                                + (st_ymax(a.geometry) - st_ymin(a.geometry)) ^ 2
+                                                + (st_zmax(a.geometry) - st_zmin(a.geometry)) ^ 2))::public.geometry
             && semap.corners_of(t.instance_id));
   end if;
   return query
@@ -276,7 +283,8 @@ begin
       select r.*, semap.region_box(r.extents, v_region, p_reach_m) as box
       from reference r where r.extents is not null
     ), pair as materialized (
-      select g.instance_id, g.axes, g.extents, g.box, t.instance_id as other_id, semap.corners_of(t.instance_id) as corners
+      select g.instance_id, g.axes, g.extents, g.box, t.instance_id as other_id,
+             semap.corners_of(t.instance_id) as corners
       from region g
       cross join lateral (
         select distinct b.instance_id
@@ -331,7 +339,8 @@ create or replace function semap.right_of(
   p_reach_m double precision default 10
 ) returns table (reference_id bigint, target_id bigint, gap_m double precision)
 language sql stable parallel safe as $$
-  select * from semap.directed('right_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
+  select * from semap.directed('right_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict,
+                               p_reach_m)
 $$;
 
 -- What lies in front of the references; see semap.directed.
@@ -341,7 +350,8 @@ create or replace function semap.in_front_of(
   p_reach_m double precision default 10
 ) returns table (reference_id bigint, target_id bigint, gap_m double precision)
 language sql stable parallel safe as $$
-  select * from semap.directed('in_front_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
+  select * from semap.directed('in_front_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict,
+                               p_reach_m)
 $$;
 
 -- What lies behind the references; see semap.directed.

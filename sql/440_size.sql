@@ -53,7 +53,8 @@ returns table (
 )
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with body as materialized (
-    select g.description_id, bool_and(semap.is_closed_3d(g.body)) as is_closed, abs(sum(semap.volume_3d(g.body))) as volume_m3
+    select g.description_id, bool_and(semap.is_closed_3d(g.body)) as is_closed,
+           abs(sum(semap.volume_3d(g.body))) as volume_m3
     from semap.geometry g
     where g.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D')
       and g.description_id in (select relative_description_id from semap.instance where instance_id = any (p_ids))
@@ -127,7 +128,8 @@ create or replace function semap.larger_than(
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with target as materialized (
     select m.instance_id, m.measure, i.map_id
-    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m join semap.instance i using (instance_id))
+    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m
+    join semap.instance i using (instance_id))
   select r.instance_id, t.instance_id, r.measure, t.measure
   from semap.measured(p_reference_ids, p_measure) r join semap.instance i using (instance_id)
   join target t on t.map_id = i.map_id and t.instance_id <> r.instance_id and t.measure > p_factor * r.measure
@@ -143,7 +145,8 @@ create or replace function semap.smaller_than(
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with target as materialized (
     select m.instance_id, m.measure, i.map_id
-    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m join semap.instance i using (instance_id))
+    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m
+    join semap.instance i using (instance_id))
   select r.instance_id, t.instance_id, r.measure, t.measure
   from semap.measured(p_reference_ids, p_measure) r join semap.instance i using (instance_id)
   join target t on t.map_id = i.map_id and t.instance_id <> r.instance_id and t.measure < p_factor * r.measure

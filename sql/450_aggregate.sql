@@ -1,6 +1,7 @@
 -- What is in what, over all levels. A target is directly in a container of the same map
 --   footprint: where its position (Position2D) lies in the container's footprint or on its border, its own footprint
---              is the smaller one, and its height (of Position3D, or the middle of its band) is in the container's band;
+--              is the smaller one, and its height (of Position3D, or the middle of its band) is in the
+--              container's band;
 --   storey:    where the container is its storey;
 --   frame:     where its frame stands below the container's own, other than a root.
 
@@ -91,7 +92,8 @@ begin
     v_seen := v_seen || v_found.targets;
     return query
       select f.container_id, f.target_id, level, f.via_id, f.link
-      from unnest(v_found.containers, v_found.targets, v_found.vias, v_found.links) f (container_id, target_id, via_id, link)
+      from unnest(v_found.containers, v_found.targets, v_found.vias,
+                  v_found.links) f (container_id, target_id, via_id, link)
       where p_target_ids is null or f.target_id = any (p_target_ids);
   end loop;
 end $$;

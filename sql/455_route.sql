@@ -12,7 +12,8 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   union all
   select i.instance_id, (p.pose).x_m, (p.pose).y_m, (p.pose).z_m
   from semap.instance i
-  join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) p using (frame_id)
+  join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) p
+    using (frame_id)
   where i.instance_id = any (p_ids) and p.pose is not null
     and not exists (select from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position2D')
 $$;
@@ -127,7 +128,8 @@ end $$;
 -- way there and of the whole way to the last room's position; no rows where there is no way.
 create or replace function semap.route(p_from bigint, p_to bigint, p_closed jsonb default null)
 returns table (
-  step integer, room_id bigint, room text, door_id bigint, door text, length_m double precision, total_m double precision
+  step integer, room_id bigint, room text, door_id bigint, door text, length_m double precision,
+  total_m double precision
 )
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with recursive way as materialized (
@@ -135,7 +137,8 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   ), point as materialized (
     select * from semap.way_points(array[p_to] || array(select door_id from way where room_id = p_to))
   ), best as (
-    select w.*, w.length_m + sqrt((d.x_m - t.x_m) ^ 2 + (d.y_m - t.y_m) ^ 2 + coalesce((d.z_m - t.z_m) ^ 2, 0)) as total_m
+    select w.*, w.length_m + sqrt((d.x_m - t.x_m) ^ 2 + (d.y_m - t.y_m) ^ 2 + coalesce((d.z_m - t.z_m) ^ 2, 0))
+      as total_m
     from way w join point d on d.instance_id = w.door_id join point t on t.instance_id = p_to
     where w.room_id = p_to and p_to <> p_from
     order by total_m, w.door_id limit 1

@@ -58,8 +58,10 @@ declare
   v_pairs  record;
 begin
   perform semap.change_regions();
-  select array_agg(s.reference_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id) as refs,
-         array_agg(s.target_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id) as targets
+  select array_agg(s.reference_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
+           as refs,
+         array_agg(s.target_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
+           as targets
   into v_pairs
   from (select distinct o.reference_id, o.target_id
         from semap.on_objects(coalesce(p_reference_ids, v_all), coalesce(p_ids, v_all)) o) s
@@ -100,7 +102,8 @@ begin
   for v_each in
     select i.instance_id, i.frame_id, f.parent_id, r.root_id
     from semap.instance i join semap.frame f using (frame_id)
-    join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) r using (frame_id)
+    join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) r
+      using (frame_id)
     where i.instance_id = any (p_ids)
     order by i.instance_id
   loop

@@ -9,7 +9,8 @@ create or replace function semap.instances(
 language plpgsql stable parallel safe set search_path = public, pg_temp as $$
 begin
   if not exists (select from semap.map where name = p_map) then
-    raise exception 'There is no map %.', p_map using errcode = 'no_data_found', hint = 'List the maps to see their names.';
+    raise exception 'There is no map %.', p_map
+      using errcode = 'no_data_found', hint = 'List the maps to see their names.';
   end if;
   if p_concept is not null and semap.concept_named(p_concept) is null then
     raise exception 'There is no concept %.', p_concept
@@ -40,21 +41,22 @@ language sql immutable parallel safe as $$
     '\U0001E922-\U0010FFFF]'
 $$;
 
--- A text in lower case, character by character, so that É and é are alike whatever the language of the server is; letters
--- that are newer than Unicode 14 are left as they are, so that servers and Pythons of all versions agree.
+-- A text in lower case, character by character, so that É and é are alike whatever the language of the server is;
+-- letters that are newer than Unicode 14 are left as they are, so that servers and Pythons of all versions agree.
 create or replace function semap.lower_case(p_text text) returns text
 language sql immutable parallel safe as $$
   select case
     when octet_length(p_text) = length(p_text) then lower(p_text collate "C") collate "default"
     -- a Σ is a σ wherever it stands, and an İ one character
-    when not semap.has_new_letter(p_text) then lower(translate(p_text, 'Σİ', 'σi') collate "und-x-icu") collate "default"
+    when not semap.has_new_letter(p_text)
+      then lower(translate(p_text, 'Σİ', 'σi') collate "und-x-icu") collate "default"
     else (select string_agg(case when semap.has_new_letter(c) then c else semap.lower_case(c) end, '' order by n)
           from regexp_split_to_table(p_text, '') with ordinality as t (c, n))
   end
 $$;
 
--- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part is
--- looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
+-- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part
+-- is looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
 create or replace function semap.instant_of(p_text text) returns timestamptz
 language plpgsql immutable parallel safe as $$
 declare
@@ -116,6 +118,7 @@ create or replace function semap.geojson(p_geometry public.geometry) returns jso
 language sql immutable strict parallel safe set search_path = public, pg_temp as $$
   select case
     when geometrytype(p_geometry) in ('TIN', 'POLYHEDRALSURFACE', 'TRIANGLE') then
-      (select st_asgeojson(st_collect(st_makepolygon(st_exteriorring(geom)) order by path), 15, 0)::jsonb from st_dump(p_geometry))
+      (select st_asgeojson(st_collect(st_makepolygon(st_exteriorring(geom)) order by path), 15, 0)::jsonb
+       from st_dump(p_geometry))
     else st_asgeojson(p_geometry, 15, 0)::jsonb end
 $$;

@@ -16,8 +16,8 @@ language sql stable parallel safe as $$
   where n.map_id = p_map_id and n.since <= p_to
 $$;
 
--- How the doors of a map stood between two moments, both included: the state in which each was at the first of them, and
--- each that began after it; `until` is null while it holds. A door of which nothing is known has no row.
+-- How the doors of a map stood between two moments, both included: the state in which each was at the first of them,
+-- and each that began after it; `until` is null while it holds. A door of which nothing is known has no row.
 create or replace function semap.door_states(p_map_id integer, p_from timestamptz, p_to timestamptz)
 returns table (instance_id bigint, name text, state text, since timestamptz, until timestamptz)
 language sql stable parallel safe as $$

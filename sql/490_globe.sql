@@ -1,5 +1,5 @@
--- Maps on the globe, for clients that know degrees only. A map with an anchor lies where that says. One without lies where
--- the equator meets the prime meridian, x to the east and y to the north: its metres in an azimuthal equidistant
+-- Maps on the globe, for clients that know degrees only. A map with an anchor lies where that says. One without lies
+-- where the equator meets the prime meridian, x to the east and y to the north: its metres in an azimuthal equidistant
 -- projection about that point (54032 in spatial_ref_sys), true to scale for anything the size of a town.
 
 -- A geometry of the map frame in the system p_target; p_pose and p_epsg are the anchor's, or null: a map without an

@@ -1,8 +1,8 @@
--- States that were, be they rows or packed, for whoever may see their tracks. The view semap.track_state_seen finds what lies in a stretch of
--- time; what it would have to sort first (the newest one before a moment, the first hundred) is found here by an index.
--- States are kept in the order of time and not of their tracks, which would make each write dearer: a look at one track
--- reads those of the others at that time, so it never leaves the time in which the track was seen.
--- All that is here acts for its owner and looks for itself which maps its caller may see.
+-- States that were, be they rows or packed, for whoever may see their tracks. The view semap.track_state_seen finds
+-- what lies in a stretch of time; what it would have to sort first (the newest one before a moment, the first hundred)
+-- is found here by an index. States are kept in the order of time and not of their tracks, which would make each write
+-- dearer: a look at one track reads those of the others at that time, so it never leaves the time in which the track
+-- was seen. All that is here acts for its owner and looks for itself which maps its caller may see.
 
 -- When a track was seen first and last, or ended; nothing of one that the caller may not see. Its last state may be one
 -- that is not written to its present (sql/135), or that was set aside (sql/131).
@@ -28,9 +28,11 @@ declare
 begin
   select greatest(p_from, first, p_after), least(p_to, last) into v_from, v_to from semap.seen_between(p_track_id);
   select least(v_to, min(to_stamp)) into v_to
-  from (select to_stamp, sum(states) over (order by from_stamp) - first_value(states) over (order by from_stamp) as states
+  from (select to_stamp,
+               sum(states) over (order by from_stamp) - first_value(states) over (order by from_stamp) as states
         from semap.track_state_packed
-        where track_id = p_track_id and to_stamp >= v_from and from_stamp > v_from - interval '30 min' and from_stamp <= v_to
+        where track_id = p_track_id and to_stamp >= v_from and from_stamp > v_from - interval '30 min'
+          and from_stamp <= v_to
        ) packed
   where states > p_limit;
   return query
@@ -43,7 +45,8 @@ begin
 end $$;
 
 -- The newest state of a track at a moment, not older than another moment. Of packed ones only the last is opened.
-create or replace function semap.state_before(p_track_id bigint, p_at timestamptz, p_since timestamptz default '-infinity')
+create or replace function semap.state_before(p_track_id bigint, p_at timestamptz,
+                                              p_since timestamptz default '-infinity')
 returns setof semap.track_state
 language plpgsql stable parallel safe security definer rows 1
 set search_path = pg_catalog, pg_temp set plan_cache_mode = force_custom_plan as $$
@@ -63,8 +66,9 @@ begin
     order by s.stamp desc limit 1;
 end $$;
 
--- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and partitions
--- of other days are left out when it is asked: in a statement about many events, each partition would cost each time.
+-- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and
+-- partitions of other days are left out when it is asked: in a statement about many events, each partition would cost
+-- each time.
 create or replace function semap.place_at(p_track_id bigint, p_stamp timestamptz) returns public.geometry
 language plpgsql stable parallel safe strict security definer
 set search_path = pg_catalog, pg_temp set plan_cache_mode = force_generic_plan as $$
