@@ -10,7 +10,7 @@ returns table (x double precision, y double precision, z double precision)
 language sql immutable parallel safe rows 1 as $$
   select case when abs(x) < 1e-15 then 0 else x end, case when abs(y) < 1e-15 then 0 else y end,
          case when abs(z) < 1e-15 then 0 else z end
-  from (select st_x(p_point) as x, st_y(p_point) as y, coalesce(st_z(p_point), 0) as z offset 0) stored
+  from (select st_x(p_point) as x, st_y(p_point) as y, coalesce(st_z(p_point), 0) as z) stored
 $$;
 
 -- A geometry with its axes x y z named y z x, once or twice: the same shape seen along x (1) or y (2).
@@ -36,8 +36,8 @@ language sql immutable strict parallel safe as $$
        lateral (select case when abs(nz) >= abs(nx) and abs(nz) >= abs(ny) then 0 when abs(nx) >= abs(ny) then 1
                             else 2 end as axis,
                        case when abs(nz) >= abs(nx) and abs(nz) >= abs(ny) then nz when abs(nx) >= abs(ny) then nx
-                            else ny end > 0 as up offset 0) a,
-       lateral (select st_npoints(f.geom) = 4 as is_triangle offset 0) s,
+                            else ny end > 0 as up) a,
+       lateral (select st_npoints(f.geom) = 4 as is_triangle) s,
        lateral st_dump(case when is_triangle then f.geom
                             else st_triangulatepolygon(semap.axes_turned(f.geom, axis)) end) t,
        lateral (select case when is_triangle then t.geom
@@ -95,7 +95,7 @@ language sql immutable strict parallel safe as $$
                        bx_m - x as bx, by_m - y as by, bz_m - z as bz,
                        cx_m - x as cx, cy_m - y as cy, cz_m - z as cz offset 0) d,
        lateral (select sqrt(ax * ax + ay * ay + az * az) as a, sqrt(bx * bx + by * by + bz * bz) as b,
-                       sqrt(cx * cx + cy * cy + cz * cz) as c offset 0) l
+                       sqrt(cx * cx + cy * cy + cz * cz) as c) l
 $$;
 
 -- The volume of a solid [m3], exact up to rounding: the signed tetrahedra between its triangles and one
@@ -127,7 +127,7 @@ language sql immutable strict parallel safe as $$
        select from semap.mesh_triangles(p_mesh) t,
             lateral (values (ax_m, ay_m, az_m, bx_m, by_m, bz_m), (bx_m, by_m, bz_m, cx_m, cy_m, cz_m),
                             (cx_m, cy_m, cz_m, ax_m, ay_m, az_m)) as edge (ax, ay, az, bx, by, bz),
-            lateral (select (ax, ay, az) < (bx, by, bz) as up offset 0) d
+            lateral (select (ax, ay, az) < (bx, by, bz) as up) d
        group by case when up then ax else bx end, case when up then ay else by end,
                 case when up then az else bz end, case when up then bx else ax end,
                 case when up then by else ay end, case when up then bz else az end

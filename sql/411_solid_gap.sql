@@ -111,13 +111,13 @@ begin
                                  sqrt((cx - bx) * (cx - bx) + (cy - by) * (cy - by) + (cz - bz) * (cz - bz))), 0)
   from semap.mesh_triangles(p_mesh),
        lateral (select bx_m - ax_m as bx, by_m - ay_m as by, bz_m - az_m as bz,
-                       cx_m - ax_m as cx, cy_m - ay_m as cy, cz_m - az_m as cz offset 0) side,
+                       cx_m - ax_m as cx, cy_m - ay_m as cy, cz_m - az_m as cz) side,
        lateral (select sqrt(bx * bx + by * by + bz * bz) as l, by * cz - bz * cy as mx, bz * cx - bx * cz as my,
                        bx * cy - by * cx as mz offset 0) normal,
        lateral (select nullif(greatest(sqrt(mx * mx + my * my + mz * mz), 1e-9 * l * l), 1e-9 * l * l)
                 as twice offset 0) area,
        lateral (select bx / nullif(l, 0) as ux, by / nullif(l, 0) as uy, bz / nullif(l, 0) as uz,
-                       mx / twice as nx, my / twice as ny, mz / twice as nz offset 0) unit;
+                       mx / twice as nx, my / twice as ny, mz / twice as nz) unit;
 end $$;
 
 -- The distance [m] from a point (u, v) at the height d over the plane of a triangle to the triangle
@@ -151,7 +151,7 @@ $$;
 create or replace function semap.corner_gap_3d(
   p_a public.geometry, p_b public.geometry, p_a_nos integer[], p_b_nos integer[]
 ) returns double precision
-language plpgsql immutable strict parallel safe set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe as $$
 begin
   return (
   with given as materialized (select a_no, b_no from unnest(p_a_nos, p_b_nos) pair (a_no, b_no)
@@ -175,7 +175,7 @@ begin
       semap.triangle_gap_m(l, p, q, cu + (au - cu) * cd / (cd - ad), cv + (av - cv) * cd / (cd - ad), 0) end))
   from facing,
        lateral (select ax_m - ox as ax, ay_m - oy as ay, az_m - oz as az, bx_m - ox as bx, by_m - oy as by,
-                       bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz offset 0) moved,
+                       bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz) moved,
        lateral (select ax * ux + ay * uy + az * uz as au, ax * vx + ay * vy + az * vz as av,
                        ax * nx + ay * ny + az * nz as ad, bx * ux + by * uy + bz * uz as bu,
                        bx * vx + by * vy + bz * vz as bv, bx * nx + by * ny + bz * nz as bd,
@@ -188,7 +188,7 @@ end $$;
 create or replace function semap.edge_gap_3d(
   p_a public.geometry, p_b public.geometry, p_a_nos integer[], p_b_nos integer[]
 ) returns double precision
-language plpgsql immutable strict parallel safe set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe as $$
 begin
   return (
   select min(sqrt((rx + s * dx - t * ex) ^ 2 + (ry + s * dy - t * ey) ^ 2 + (rz + s * dz - t * ez) ^ 2))
@@ -208,7 +208,7 @@ begin
                        dx * rx + dy * ry + dz * rz as dr, ex * rx + ey * ry + ez * rz as er offset 0) dot,
        lateral (select greatest(0, least(1, coalesce((de * er - dr * ee)
                          / nullif(greatest(dd * ee - de * de, 1e-14 * dd * ee), 1e-14 * dd * ee),
-                         0))) as s0 offset 0) first,
-       lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t offset 0) second,
-       lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s offset 0) third);
+                         0))) as s0) first,
+       lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t) second,
+       lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s) third);
 end $$;

@@ -10,7 +10,7 @@ create or replace function semap.cut_lines(
   p_surface public.geometry, p_solid public.geometry, p_surface_nos integer[], p_solid_nos integer[],
   p_tolerance_m double precision
 ) returns table (triangle_no integer, line public.geometry)
-language plpgsql immutable strict parallel safe rows 10000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 10000 as $$
 #variable_conflict use_column
 begin
   return query
@@ -23,7 +23,7 @@ begin
     join semap.triangle_planes(p_surface) f on f.triangle_no = a_no and thin_m > p_tolerance_m
     join semap.mesh_triangles(p_solid) o on o.triangle_no = b_no,
          lateral (select ax_m - ox as ax, ay_m - oy as ay, az_m - oz as az, bx_m - ox as bx, by_m - oy as by,
-                         bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz offset 0) d
+                         bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz) d
   ), line as (
     select triangle_no, l, p, q, au + (bu - au) * ad / (ad - bd) as au, av + (bv - av) * ad / (ad - bd) as av,
            au + (cu - au) * ad / (ad - cd) as bu, av + (cv - av) * ad / (ad - cd) as bv
@@ -46,7 +46,7 @@ begin
   from line,
        lateral (select sqrt((bu - au) * (bu - au) + (bv - av) * (bv - av)) as length_m offset 0) measured,
        lateral (select (bu - au) / nullif(length_m, 0) * p_tolerance_m / 2 as eu,
-                       (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev offset 0) over_end
+                       (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev) over_end
   where length_m > 0 and greatest(av, bv) > p_tolerance_m / 8
     and greatest((p - l) * av - q * (au - l),
                  (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
@@ -60,7 +60,7 @@ create or replace function semap.part_points(
   p_tolerance_m double precision
 ) returns table (triangle_no integer, x_m double precision, y_m double precision, z_m double precision,
                  nx double precision, ny double precision, nz double precision, width_m double precision)
-language plpgsql immutable strict parallel safe rows 10000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 10000 as $$
 #variable_conflict use_column
 begin
   if p_surface_nos = '{}' then
@@ -128,7 +128,7 @@ language sql immutable strict parallel safe rows 100 as $$
                          corner[2][1] - corner[1][1] as ux, corner[2][2] - corner[1][2] as uy,
                          corner[2][3] - corner[1][3] as uz,
                          corner[3][1] - corner[1][1] as vx, corner[3][2] - corner[1][2] as vy,
-                         corner[3][3] - corner[1][3] as vz offset 0) e,
+                         corner[3][3] - corner[1][3] as vz) e,
          lateral (select dy * ez - dz * ey as mx, dz * ex - dx * ez as my, dx * ey - dy * ex as mz,
                          uy * vz - uz * vy as nx, uz * vx - ux * vz as ny, ux * vy - uy * vx as nz offset 0) n,
          unnest(array[

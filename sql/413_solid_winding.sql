@@ -6,7 +6,7 @@
 create or replace function semap.ray_hits(
   p_mesh public.geometry, p_x_m double precision[], p_y_m double precision[], p_z_m double precision[]
 ) returns table (point_no integer, turn double precision, doubtful boolean)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 #variable_conflict use_column
 begin
   return query
@@ -46,7 +46,7 @@ begin
                  sign(area) * wc / nullif(abs(bx - ax) + abs(by - ay), 0)) as within_m
     from point join celled using (i, j), lateral (
       select (cx - bx) * (y - by) - (cy - by) * (x - bx) as wa, (ax - cx) * (y - cy) - (ay - cy) * (x - cx) as wb,
-             (bx - ax) * (y - ay) - (by - ay) * (x - ax) as wc offset 0) w
+             (bx - ax) * (y - ay) - (by - ay) * (x - ax) as wc) w
     where x between x0 - near_m and x1 + near_m and y between y0 - near_m and y1 + near_m
   )
   select number, turn, abs(within_m) <= near_m or hit_z is null
@@ -59,7 +59,7 @@ create or replace function semap.windings_3d(
   p_mesh public.geometry, p_x_m double precision[], p_y_m double precision[], p_z_m double precision[],
   p_closed boolean
 ) returns table (point_no integer, winding double precision)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 #variable_conflict use_column
 begin
   return query

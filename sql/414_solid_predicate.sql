@@ -21,7 +21,7 @@ create or replace function semap.surface_parts(
 ) returns table (x_m double precision, y_m double precision, z_m double precision,
                  nx double precision, ny double precision, nz double precision, width_m double precision,
                  is_on boolean, faces_along boolean, faces_against boolean, winding double precision)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 begin
   return query
   with point as materialized (
@@ -33,7 +33,7 @@ begin
     from unnest(p_surface_nos, p_solid_nos) pair (a_no, b_no)
     join point p on p.triangle_no = a_no
     join semap.triangle_planes(p_solid) o on o.triangle_no = b_no,
-         lateral (select p.x_m - ox as x, p.y_m - oy as y, p.z_m - oz as z offset 0) d
+         lateral (select p.x_m - ox as x, p.y_m - oy as y, p.z_m - oz as z) d
     where semap.triangle_gap_m(o.l, o.p, o.q, x * o.ux + y * o.uy + z * o.uz, x * o.vx + y * o.vy + z * o.vz,
                                x * o.nx + y * o.ny + z * o.nz) <= p_tolerance_m
     group by p.number
