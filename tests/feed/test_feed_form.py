@@ -3,9 +3,10 @@
 import json
 
 import pytest
-from semap_service.feed import Entry
-from semap_service.feed.form import Envelope, SocketForm, StreamForm, text_frame, text_of
-from semap_service.feed.message import Hello
+from semap_service.documents.feed import Hello
+from semap_service.feed.encoding import Envelope, SocketForm, StreamForm
+from semap_service.feed.ring import Entry
+from semap_service.http.websocket import text_frame, text_of
 from stored import stored
 from websockets.client import ClientProtocol
 from websockets.frames import Opcode

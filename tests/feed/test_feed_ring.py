@@ -4,9 +4,10 @@ import asyncio
 
 from hypothesis import given
 from hypothesis import strategies as st
-from semap_service.feed import Entry, Feed, Selection
+from semap_service.database.event_selection import Selection
 from semap_service.feed.channel import Channels
-from semap_service.feed.form import Envelope, SocketForm
+from semap_service.feed.encoding import Envelope, SocketForm
+from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import create_engine
 from stored import stored
 

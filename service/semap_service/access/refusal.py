@@ -11,7 +11,7 @@ from starlette.types import Receive, Send
 from starlette.types import Scope as Connection
 
 from semap_service.access.credentials import SUBPROTOCOL
-from semap_service.problem import problem_response
+from semap_service.http.problem import problem_response
 
 CLOSE_CODES = {
     HTTPStatus.UNAUTHORIZED: 4401,

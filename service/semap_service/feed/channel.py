@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from semap_service.feed.form import SocketForm, StreamForm
+from semap_service.database.event_selection import Selection
+from semap_service.feed.encoding import SocketForm, StreamForm
 from semap_service.feed.ring import Feed, Page
-from semap_service.feed.selection import Selection
 
 BATCH_EVENTS = 500
 BATCH_BYTES = 128 * 1024

@@ -2,33 +2,20 @@
 
 What has happened while the client took the last message is one message, so that messages are few where
 events are many. A client is at its own pace, but for two limits: what it is sent it takes within
-`PATIENCE_S`, and once it has come up with what happens, it is not further behind than `MOST_BEHIND` for
+`patience_s`, and once it has come up with what happens, it is not further behind than `most_behind` for
 longer than that. One that is gets told so, with the cursor to go on at, and is closed.
 """
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
 
 from semap.errors import InvalidInput
-from semap_service.feed.beginning import Beginning
+from semap_service.documents.feed import Hello, TooSlow
 from semap_service.feed.channel import Channel
-from semap_service.feed.message import Hello, TooSlow
-from semap_service.feed.outlet import NotTaken, Outlet
-from semap_service.feed.ring import RING_SIZE, Feed
-
-PATIENCE_S = 10.0
-MOST_BEHIND = RING_SIZE
-
-
-@dataclass(frozen=True)
-class Pace:
-    """How fast a client has to be, and after how much silence it is told that the connection is alive."""
-
-    heartbeat_s: float
-    patience_s: float = PATIENCE_S
-    most_behind: int = MOST_BEHIND
+from semap_service.feed.ring import Feed
+from semap_service.feed.start import Beginning
+from semap_service.http.outlet import NotTaken, Outlet, Pace
 
 
 async def follow(feed: Feed, channel: Channel, outlet: Outlet, beginning: Beginning, pace: Pace) -> None:

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from semap.store import doors
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["doors"])
 

@@ -14,13 +14,19 @@ from semap.model.building import Mesh
 from semap.store import history, instance_links, instances
 from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
 from semap.store.maps import get_map
-from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, FewValues, Id, InStamp, Limit, MapFilter, Name, Request, next_after
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.jobs.acceptance import Later, or_later
-from semap_service.mesh_upload import Unit, UpAxis, read_upload
-from semap_service.problem import problems
-from semap_service.routes.instance_document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
+    After,
+    FewValues,
+    Id,
+    InStamp,
+    Limit,
+    MapFilter,
+    Name,
+    Request,
+    next_after,
+)
+from semap_service.documents.instance import (
     InstanceChanges,
     InstanceDocument,
     InstanceList,
@@ -31,7 +37,11 @@ from semap_service.routes.instance_document import (
     past_summary,
     summary,
 )
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.exchange.crs import Crs, footprint_in
+from semap_service.exchange.mesh_upload import Unit, UpAxis, read_upload
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
+from semap_service.jobs.acceptance import Later, or_later
 
 router = APIRouter(tags=["instances"], route_class=TaggedRoute)
 

@@ -10,11 +10,11 @@ from fastapi import APIRouter, Query
 from sqlalchemy import Engine
 
 from semap.store import jobs
-from semap_service.access.caller import SYSTEM, acting_as, current_caller
-from semap_service.document import LARGEST_SMALL_ID, Limit, SmallId
-from semap_service.problem import problems
-from semap_service.routes.job_document import JobDocument, JobList, job_document
-from semap_service.transaction import Database, transaction
+from semap_service.context.caller import SYSTEM, acting_as, current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import LARGEST_SMALL_ID, Limit, SmallId
+from semap_service.documents.job import JobDocument, JobList, job_document
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["jobs"])
 

@@ -11,7 +11,8 @@ from pydantic import ConfigDict, Field
 from semap.store import object_states
 from semap.store.maps import get_map
 from semap.store.object_states import NewObjectState, ObjectState
-from semap_service.document import (
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import (
     After,
     Document,
     InStamp,
@@ -23,8 +24,7 @@ from semap_service.document import (
     Stamp,
     next_after,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, Write, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["object states"])
 

@@ -8,16 +8,11 @@ from pydantic import Field
 from semap.store import relations
 from semap.store.instances import get_instance
 from semap.store.maps import get_map
-from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.routes.instance_document import (
-    InstanceDocument,
-    InstanceSummary,
-    detail,
-    summary_fields,
-)
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
+from semap_service.documents.instance import InstanceDocument, InstanceSummary, detail, summary_fields
+from semap_service.exchange.crs import Crs, footprint_in
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rooms"])
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Response
 from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
-from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
 from semap.store import rules
 from semap.store.maps import get_map
-from semap_service import rule_editing
-from semap_service.document import (
+from semap_service.database import rule_edit as rule_editing
+from semap_service.database.rule_edit import ALL
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
     LARGEST_SMALL_ID,
     After,
     Document,
@@ -29,33 +30,12 @@ from semap_service.document import (
     Stamp,
     next_after,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.rule_editing import ALL
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.documents.rule import Declaration, GivenUpDocument, given_up_document
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rules"], route_class=TaggedRoute)
 
-EDGES = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
-PATTERN = {
-    "input": ["track_in_room", "door"],
-    "partition_by": "room",
-    "pattern": "O followed by E",
-    "define": {
-        "O": "input = 'door' and type = 'open'",
-        "E": "input = 'track_in_room' and type = 'began'",
-    },
-    "measures": {"gap_s": "seconds_between(first(O.stamp), last(E.stamp))"},
-    "within": "6 s",
-    "emit": "opened_then_entered",
-}
-Declaration = Annotated[
-    dict[str, Any],
-    Field(
-        description="What it reads, and the events that it makes of it; the clauses are in docs/rules.md.",
-        examples=[EDGES, PATTERN],
-    ),
-]
 Backfill = Annotated[
     InStamp | Literal["all"] | None,
     Field(
@@ -64,13 +44,6 @@ Backfill = Annotated[
         examples=["all"],
     ),
 ]
-
-
-class GivenUpDocument(Document):
-    """Where a rule began to give up: too much was under way in one key at once."""
-
-    first: Stamp = Field(description="Events that begin here or later may be missing.")
-    key: dict[str, Any] = Field(description="By the names in `partition_by`.", examples=[{"track": "ann"}])
 
 
 class RuleDocument(Document):
@@ -229,8 +202,3 @@ def _document(rule: rules.Rule) -> RuleDocument:
         backfill_from=rule.backfill_from,
         given_up=given_up_document(rule.given_up),
     )
-
-
-def given_up_document(given_up: GivenUp | None) -> GivenUpDocument | None:
-    """Without how much it was, which changes again and again, and with it the ETag of a rule would."""
-    return None if given_up is None else GivenUpDocument(first=given_up.first, key=dict(given_up.key))

@@ -11,9 +11,18 @@ from sqlalchemy import Connection
 
 from semap.store import sources
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Next, Request, SmallId, next_after
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
+    After,
+    Document,
+    Limit,
+    MapFilter,
+    Next,
+    Request,
+    SmallId,
+    next_after,
+)
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["sources"], route_class=TaggedRoute)
 

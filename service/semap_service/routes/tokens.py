@@ -10,8 +10,9 @@ from starlette.requests import Request as HTTPRequest
 
 from semap.store import tokens
 from semap.store.tokens import LONGEST_NAME, MOST_MAPS
-from semap_service.access.caller import Scope, current_caller
-from semap_service.document import (
+from semap_service.context.caller import Scope, current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
     LARGEST_SMALL_ID,
     After,
     Document,
@@ -24,8 +25,7 @@ from semap_service.document import (
     Stamp,
     next_after,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["tokens"])
 

@@ -12,7 +12,8 @@ from sqlalchemy import Connection
 from semap.store import track_history, tracks
 from semap.store.maps import get_map
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     After,
     Document,
     Id,
@@ -27,8 +28,7 @@ from semap_service.document import (
     area_document,
     next_after,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 

@@ -17,8 +17,10 @@ from semap.errors import NotFound
 from semap.store import webhooks
 from semap.store.maps import get_map
 from semap.store.webhook_delivery import Line, read_line
-from semap_service.access.caller import current_caller
-from semap_service.document import (
+from semap_service.context.caller import current_caller
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     After,
     Document,
@@ -31,10 +33,8 @@ from semap_service.document import (
     Stamp,
     next_after,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.feed import Selection
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 from semap_service.webhooks.address import LONGEST_URL, require_url
 from semap_service.webhooks.deliverer import Deliverer
 from semap_service.webhooks.signature import new_secret, shown

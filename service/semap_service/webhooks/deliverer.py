@@ -41,9 +41,9 @@ from semap.store.webhook_delivery import (
     pass_over,
     read_line,
 )
-from semap_service.access.caller import SYSTEM, acting_as
-from semap_service.feed import Selection
-from semap_service.transaction import transaction
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import transaction
 from semap_service.webhooks.message import message_id, message_of, ping
 from semap_service.webhooks.retry import Retry
 from semap_service.webhooks.sending import GONE, Answer, Sending
