@@ -1,5 +1,5 @@
-"""The gate that every request and every socket passes: size, host, rate, token, scope, and then as whom it
-goes in.
+"""Authorisation of every request and every socket: size, host, rate, token, scope, and the caller that it
+acts as.
 
 What is refused is refused before its body or the database is read, but for the token itself. What stays open
 is looked after: when its token is revoked, expires, or comes to be for other maps, it is closed.
@@ -23,14 +23,14 @@ from semap_service.access.loopback_host import is_loopback
 from semap_service.access.policy import Demand, demand_of
 from semap_service.access.rate_limit import Allowance, Buckets
 from semap_service.access.refusal import Refusal, close, refuse
-from semap_service.access.token_cache import KnownTokens
+from semap_service.access.token_cache import TokenCache
 from semap_service.context.caller import ANYONE, Caller, acting_as
 from semap_service.http.connection import EXTENSION
 from semap_service.http.connection import Connection as LentConnection
 from semap_service.http.problem import RETRY_S
 
 CHECK_S = 1.0
-"""What is open is looked after so often; the answer may be as old as KnownTokens keeps it."""
+"""What is open is looked after so often; the answer may be as old as TokenCache keeps it."""
 
 NOBODY = Caller("nobody", None, frozenset({"read"}), frozenset(), frozenset())
 """Who shows no token where none is needed: for them there is no map."""
@@ -72,16 +72,16 @@ HEADERS_TOO_LARGE = Refusal(
 )
 
 
-class Gate:
+class Authorisation:
     """Counts what is open and how often each caller asks.
 
-    known_tokens  None: nobody needs a token
+    token_cache  None: nobody needs a token
     """
 
-    def __init__(self, app: ASGIApp, limits: Limits, known_tokens: KnownTokens | None) -> None:
+    def __init__(self, app: ASGIApp, limits: Limits, token_cache: TokenCache | None) -> None:
         self.app = app
         self._limits = limits
-        self._known_tokens = known_tokens
+        self._token_cache = token_cache
         self._buckets = Buckets(limits.rate_per_s)
         self._open: Counter[str] = Counter()
 
@@ -94,7 +94,7 @@ class Gate:
             await refuse(refusal, scope, receive, send)
             return
         demand = demand_of(scope.get("method", "GET"), _route(scope))
-        token = None if self._known_tokens is None or demand.scope is None else shown_token(scope)
+        token = None if self._token_cache is None or demand.scope is None else shown_token(scope)
         try:
             found, key, allowance = await self._come_forward(demand, token, address_of(scope))
         except DatabaseError as error:
@@ -119,13 +119,13 @@ class Gate:
         not known costs a look-up, so that it is counted by its address first.
         """
         key = f"address {address}"
-        if token is None or self._known_tokens is None:
+        if token is None or self._token_cache is None:
             return self._without(demand), key, self._buckets.take(key, time.monotonic())
-        if not self._known_tokens.is_known(token):
+        if not self._token_cache.is_known(token):
             allowance = self._buckets.take(key, time.monotonic())
             if allowance.wait_s > 0:
                 return NO_TOKEN, key, allowance
-        caller = await self._known_tokens.caller(token)
+        caller = await self._token_cache.caller(token)
         if caller is None:
             return WRONG_TOKEN, key, self._buckets.take(key, time.monotonic())
         key = f"token {caller.token_id}"
@@ -133,7 +133,7 @@ class Gate:
 
     def _without(self, demand: Demand) -> Caller | Refusal:
         """Who it is that shows no token."""
-        if self._known_tokens is None:
+        if self._token_cache is None:
             return ANYONE
         return NOBODY if demand.scope is None else NO_TOKEN
 
@@ -166,14 +166,14 @@ class Gate:
 
     async def _hold(self, caller: Caller, token: str | None, call: tuple[Connection, Receive, Send]) -> None:
         """Pass on what stays open, and end it when its token no longer allows what it did."""
-        if token is None or self._known_tokens is None:
+        if token is None or self._token_cache is None:
             await self.app(*call)
             return
         scope, receive, send = call
         sender = _Sender(send)
         running = asyncio.ensure_future(self.app(scope, receive, sender))
         try:
-            refusal = await self._end_of(self._known_tokens, caller, token, running)
+            refusal = await self._end_of(self._token_cache, caller, token, running)
             if refusal is None:
                 return
             sender.is_shut = True
@@ -184,7 +184,7 @@ class Gate:
         await _end(refusal, sender, scope, receive, send)
 
     async def _end_of(
-        self, known: KnownTokens, caller: Caller, token: str, running: asyncio.Future[None]
+        self, known: TokenCache, caller: Caller, token: str, running: asyncio.Future[None]
     ) -> Refusal | None:
         """Wait until a request is over (None), or its token no longer allows what it did."""
         while True:
@@ -208,7 +208,7 @@ class Gate:
             return URL_TOO_LONG
         if sum(len(name) + len(value) for name, value in headers) > self._limits.header_bytes:
             return HEADERS_TOO_LARGE
-        if self._known_tokens is None and not is_loopback(dict(headers).get(b"host", b"").decode("latin-1")):
+        if self._token_cache is None and not is_loopback(dict(headers).get(b"host", b"").decode("latin-1")):
             return MISDIRECTED
         return None
 
@@ -222,7 +222,7 @@ class Gate:
         )
 
     def _answering(self, scope: Connection, send: Send, allowance: Allowance) -> Send:
-        """Sends on, with the headers and the subprotocol that the gate is there for."""
+        """Sends on, with the rate limit in the headers, and the subprotocol."""
         policy = self._buckets.policy().encode()
         state = self._buckets.state(allowance).encode()
 

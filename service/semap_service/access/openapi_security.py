@@ -1,4 +1,4 @@
-"""What the gate asks for and answers, in the published description of the interface."""
+"""Scopes and refusals of each operation, in the published description of the interface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FOR_BODIES = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
 
 
 def describe_access(described: dict[str, Any]) -> None:
-    """Add to a document of OpenAPI which token each operation asks for, and what the gate may answer."""
+    """Add to a document of OpenAPI which token each operation asks for, and how it may be refused."""
     described["components"].setdefault("securitySchemes", {})[SCHEME] = {
         "type": "http",
         "scheme": "bearer",

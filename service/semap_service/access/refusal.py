@@ -1,4 +1,4 @@
-"""How the gate says no: a problem over HTTP, a message and a close code over a WebSocket."""
+"""How a request is refused: a problem over HTTP, a message and a close code over a WebSocket."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ THREADS = 4
 LONGEST_S = 5.0
 
 
-class KnownTokens:
+class TokenCache:
     """Belongs to one event loop. The engine comes when the service starts."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

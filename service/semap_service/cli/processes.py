@@ -178,7 +178,7 @@ def serve(
     from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
     from semap_service.serving.app import create_app  # noqa: PLC0415
     from semap_service.serving.uvicorn_server import serve as run  # noqa: PLC0415
-    from semap_service.webhooks.deliverer import WebhookSettings  # noqa: PLC0415
+    from semap_service.webhooks.delivery import WebhookSettings  # noqa: PLC0415
 
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)

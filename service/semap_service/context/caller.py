@@ -1,7 +1,7 @@
 """Who is asking, and for what: the context of each request and of each piece of background work.
 
-The gate sets it for a request. Work of semap's own says `with acting_as(SYSTEM):`; whoever says nothing is
-refused by `transaction`, so that work that lost its context does not get all rights by mistake.
+`access.authorisation` sets it for a request. Work of semap's own says `with acting_as(SYSTEM):`; whoever says
+nothing is refused by `transaction`, so that work that lost its context does not get all rights by mistake.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Envelope:
 
 
 @dataclass(frozen=True)
-class SocketForm:
+class SocketEncoding:
     """Text frames, each with one JSON message."""
 
     envelope: Envelope
@@ -53,7 +53,7 @@ class SocketForm:
 
 
 @dataclass(frozen=True)
-class StreamForm:
+class StreamEncoding:
     """Messages of an event stream; those that are no event are named by their type."""
 
     envelope: Envelope

@@ -20,7 +20,7 @@ from semap_service.http.problem import problem_response
 from semap_service.http.security_headers import DEFAULTS
 
 HEAD_BYTES = 64 * 1024
-"""More than the gate lets in, so that what is a little too long gets its answer there."""
+"""More than `access.authorisation` accepts, so that a head that is a little too long is answered there."""
 
 AT_ONCE = struct.pack("ii", 1, 0)
 

@@ -58,7 +58,7 @@ class Observed:
                 self.status = message["status"]
 
 
-class Observation:
+class RequestLog:
     """Wraps the whole service; `failed` makes the answer to an error that nobody expected."""
 
     def __init__(self, app: ASGIApp, instruments: Instruments, failed: Failure) -> None:

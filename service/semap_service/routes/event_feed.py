@@ -12,10 +12,10 @@ from fastapi import APIRouter, WebSocket
 
 from semap.errors import SemapError
 from semap_service.database.transaction import Database
-from semap_service.feed.encoding import SocketForm
+from semap_service.feed.encoding import SocketEncoding
 from semap_service.feed.request import cursor_of, selection_of, socket_envelope
 from semap_service.feed.ring import Feed
-from semap_service.feed.start import begin
+from semap_service.feed.start_position import begin
 from semap_service.feed.subscription import follow
 from semap_service.http.outlet import Pace, SocketOutlet
 from semap_service.http.websocket import TOO_SLOW, accept, close, refuse, until_gone
@@ -35,7 +35,7 @@ async def event_feed(socket: WebSocket, database: Database) -> None:
             after = cursor_of(parameters.get("after"), "after")
             envelope = socket_envelope(parameters.get("envelope"), socket)
             beginning = await feed.ask(partial(begin, database, after, selection))
-            with socket.app.state.channels.following(selection, SocketForm(envelope)) as channel:
+            with socket.app.state.channels.following(selection, SocketEncoding(envelope)) as channel:
                 pace: Pace = socket.app.state.pace
                 following = follow(feed, channel, SocketOutlet(socket), beginning, pace)
                 if await until_gone(socket, asyncio.create_task(following)):

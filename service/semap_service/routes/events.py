@@ -20,7 +20,7 @@ from semap_service.documents.document import LARGEST_ID, Document, Limit
 from semap_service.documents.event import EventDocument
 from semap_service.feed.request import EnvelopeName, Wanted, envelope_of
 from semap_service.feed.ring import Feed, Page
-from semap_service.feed.start import begin
+from semap_service.feed.start_position import begin
 from semap_service.http.connection import Connection, lent
 from semap_service.http.problem import problems
 

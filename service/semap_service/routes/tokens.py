@@ -109,7 +109,7 @@ def revoke_token(database: Database, request: HTTPRequest, id: SmallId) -> None:
     """Let a token be of no use any more; its feeds and jobs are ended within seconds."""
     with transaction(database) as connection:
         tokens.revoke_token(connection, id)
-    request.app.state.known_tokens.forget(id)
+    request.app.state.token_cache.forget(id)
 
 
 def _document(token: tokens.Token) -> TokenDocument:

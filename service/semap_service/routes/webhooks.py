@@ -36,7 +36,7 @@ from semap_service.documents.document import (
 from semap_service.http.etag import TaggedRoute, edits, reads
 from semap_service.http.problem import problems
 from semap_service.webhooks.address import LONGEST_URL, require_url
-from semap_service.webhooks.deliverer import Deliverer
+from semap_service.webhooks.delivery import Deliverer
 from semap_service.webhooks.signature import new_secret, shown
 
 router = APIRouter(tags=["webhooks"], route_class=TaggedRoute)

@@ -19,10 +19,10 @@ from fastapi.staticfiles import StaticFiles
 
 from semap import __version__
 from semap.store.database import open_engine
-from semap_service.access.authorisation import Gate
+from semap_service.access.authorisation import Authorisation
 from semap_service.access.cors import CrossOrigin
 from semap_service.access.limits import LIMITS, Limits
-from semap_service.access.token_cache import KnownTokens
+from semap_service.access.token_cache import TokenCache
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.feed.channel import Channels
 from semap_service.feed.ring import Feed
@@ -40,7 +40,7 @@ from semap_service.jobs.upload_limit import body_limit
 from semap_service.live.watch import Watches
 from semap_service.operations.instruments import Instruments
 from semap_service.operations.metrics import Metrics
-from semap_service.operations.request_log import Observation, Routed
+from semap_service.operations.request_log import RequestLog, Routed
 from semap_service.routes import (
     abstractions,
     anchor,
@@ -83,7 +83,7 @@ from semap_service.routes import (
     whereabouts,
 )
 from semap_service.serving.openapi import add_description, describer
-from semap_service.webhooks.deliverer import WEBHOOKS, Deliverer, WebhookSettings
+from semap_service.webhooks.delivery import WEBHOOKS, Deliverer, WebhookSettings
 
 ROLE = "semap_api"
 CONNECTIONS = 20
@@ -165,8 +165,8 @@ def create_app(
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         engine = open_engine(dsn, ROLE, application="semap serve", size=CONNECTIONS)
-        app.state.engine = known_tokens.engine = engine
-        app.state.known_tokens = known_tokens
+        app.state.engine = token_cache.engine = engine
+        app.state.token_cache = token_cache
         app.state.watch = open_engine(dsn, ROLE, application="semap watch", size=1)
         app.state.metrics = Metrics(instruments, app.state.watch, engine)
         app.state.pace = Pace(heartbeat_s)
@@ -196,7 +196,7 @@ def create_app(
             engine.dispose()
 
     instruments = Instruments()
-    known_tokens = KnownTokens()
+    token_cache = TokenCache()
     app = FastAPI(
         title="semap",
         version=__version__,
@@ -224,12 +224,12 @@ def create_app(
         limit_of=lambda scope: body_limit(scope, job_settings.most_bytes),
         stall_s=limits.stall_s,
     )
-    app.add_middleware(Gate, limits=limits, known_tokens=None if without_tokens else known_tokens)
+    app.add_middleware(Authorisation, limits=limits, token_cache=None if without_tokens else token_cache)
     origins = [require_origin(each) for each in allowed_origins]
     app.add_middleware(OwnOrigin, allowed=origins)
     if origins:
         app.add_middleware(CrossOrigin, origins=origins)
-    app.add_middleware(Observation, instruments=instruments, failed=unexpected)
+    app.add_middleware(RequestLog, instruments=instruments, failed=unexpected)
     app.openapi = describer(app)  # type: ignore[method-assign]
     return app
 

@@ -15,7 +15,7 @@ from semap_service.database.transaction import transaction
 
 
 @dataclass(frozen=True)
-class Beginning:
+class StartPosition:
     """Everything with a number above `cursor` is to follow.
 
     head    the newest event
@@ -29,7 +29,7 @@ class Beginning:
     gap: bool
 
 
-def begin(engine: Engine, after: int | None, selection: Selection) -> Beginning:
+def begin(engine: Engine, after: int | None, selection: Selection) -> StartPosition:
     """Where to begin after a cursor; without one, with what comes.
 
     raises  NotFound for an unknown map, InvalidInput for a filter that cannot be used, or for a cursor that
@@ -40,7 +40,7 @@ def begin(engine: Engine, after: int | None, selection: Selection) -> Beginning:
     with acting_as(SYSTEM, "read"), transaction(engine) as connection:
         kept = kept_events(connection, selection.own_of)
     if after is None:
-        return Beginning(kept.newest, kept.newest, kept.oldest, gap=False)
+        return StartPosition(kept.newest, kept.newest, kept.oldest, gap=False)
     if after > kept.newest:
         raise InvalidInput(
             f"{after} is beyond the newest event, {kept.newest}",
@@ -49,7 +49,7 @@ def begin(engine: Engine, after: int | None, selection: Selection) -> Beginning:
         )
     first_kept = kept.newest + 1 if kept.oldest is None else kept.oldest
     gap = after < first_kept - 1
-    return Beginning(first_kept - 1 if gap else after, kept.newest, kept.oldest, gap)
+    return StartPosition(first_kept - 1 if gap else after, kept.newest, kept.oldest, gap)
 
 
 def require_usable(engine: Engine, selection: Selection) -> None:

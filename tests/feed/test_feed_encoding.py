@@ -4,7 +4,7 @@ import json
 
 import pytest
 from semap_service.documents.feed import Hello
-from semap_service.feed.encoding import Envelope, SocketForm, StreamForm
+from semap_service.feed.encoding import Envelope, SocketEncoding, StreamEncoding
 from semap_service.feed.ring import Entry
 from semap_service.http.websocket import text_frame, text_of
 from stored import stored
@@ -35,22 +35,22 @@ def test_a_frame_is_read_as_it_was_meant(length: int) -> None:
 
 
 def test_a_batch_holds_each_event() -> None:
-    form = SocketForm(Envelope())
-    (message,) = map(json.loads, read(form.events(ENTRIES, 9)))
+    encoding = SocketEncoding(Envelope())
+    (message,) = map(json.loads, read(encoding.events(ENTRIES, 9)))
     documents = [json.loads(entry.document) for entry in ENTRIES]
     assert message == {"type": "events", "cursor": 9, "events": documents}
-    (message,) = map(json.loads, read(SocketForm(Envelope("urn:x")).events(ENTRIES, 9)))
+    (message,) = map(json.loads, read(SocketEncoding(Envelope("urn:x")).events(ENTRIES, 9)))
     assert [each["data"] for each in message["events"]] == documents
-    assert read(form.heartbeat(3)) == ['{"type":"heartbeat","cursor":3}']
+    assert read(encoding.heartbeat(3)) == ['{"type":"heartbeat","cursor":3}']
 
 
 def test_a_stream_has_a_line_for_each_event() -> None:
     """Whatever stands in an event, a message is two lines and an empty one."""
-    form = StreamForm(Envelope())
-    lines = form.events(ENTRIES, 9).decode().split("\n")
+    encoding = StreamEncoding(Envelope())
+    lines = encoding.events(ENTRIES, 9).decode().split("\n")
     assert [line.partition(": ")[0] for line in lines] == ["id", "data", "", "id", "data", "", ""]
-    assert "\r" not in form.events(ENTRIES, 9).decode()
+    assert "\r" not in encoding.events(ENTRIES, 9).decode()
     assert [json.loads(lines[at].removeprefix("data: "))["seq"] for at in (1, 4)] == [5, 6]
-    hello = form.hello(Hello(cursor=4, head=6, oldest=None, resumed="replayed")).decode()
+    hello = encoding.hello(Hello(cursor=4, head=6, oldest=None, resumed="replayed")).decode()
     assert hello.startswith("retry: 1000\nid: 4\nevent: hello\ndata: {")
-    assert form.heartbeat(7) == b": heartbeat\nid: 7\n\n"
+    assert encoding.heartbeat(7) == b": heartbeat\nid: 7\n\n"
