@@ -62,7 +62,7 @@ class TemporalExtent(Document):
     trs: str
 
 
-class ExtentDocument(Document):
+class CollectionExtent(Document):
     """How far a collection reaches; what it has not is left out."""
 
     model_config = ConfigDict(json_schema_serialization_defaults_required=False)
@@ -81,7 +81,7 @@ class CollectionDocument(Document):
     description: str
     itemType: Literal["feature"]
     crs: list[str] = Field(description="The systems that it is offered in; the first is the default.")
-    extent: ExtentDocument | None = None
+    extent: CollectionExtent | None = None
     links: list[Link]
 
 
@@ -93,7 +93,7 @@ class Collections(Document):
     numberReturned: int
 
 
-class GeometryDocument(Document):
+class FeatureGeometry(Document):
     """A GeoJSON geometry (RFC 7946)."""
 
     type: Literal["Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon"]
@@ -105,7 +105,7 @@ class FeatureDocument(Document):
 
     type: Literal["Feature"]
     id: int | str
-    geometry: GeometryDocument | None
+    geometry: FeatureGeometry | None
     properties: dict[str, Any]
 
 

@@ -16,8 +16,8 @@ from semap_service.documents.document import rfc3339
 from semap_service.documents.ogc_features import (
     JSON,
     CollectionDocument,
+    CollectionExtent,
     Collections,
-    ExtentDocument,
     Link,
     PropertiesSchema,
     SchemaJson,
@@ -157,7 +157,7 @@ DEFAULT_SYSTEMS = 5
 """So many every map is offered in; one with an anchor also in that one's."""
 
 
-def _extent(extent: Extent) -> ExtentDocument | None:
+def _extent(extent: Extent) -> CollectionExtent | None:
     spatial = temporal = None
     if extent.bounds is not None:
         spatial = SpatialExtent(bbox=[list(extent.bounds)], crs=CRS84_URI)
@@ -166,4 +166,4 @@ def _extent(extent: Extent) -> ExtentDocument | None:
         temporal = TemporalExtent(interval=[ends], trs=GREGORIAN)
     if spatial is None and temporal is None:
         return None
-    return ExtentDocument(spatial=spatial, temporal=temporal)
+    return CollectionExtent(spatial=spatial, temporal=temporal)
