@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import shapely
 from fastapi import Path, Query
 from pydantic import (
     AfterValidator,
+    AliasPath,
     AwareDatetime,
     BaseModel,
     BeforeValidator,
@@ -37,9 +38,16 @@ LARGEST_SMALL_ID = 2**31 - 1
 
 
 class Document(BaseModel):
-    """What semap gives out; always complete."""
+    """What semap gives out; always complete. `model_validate` makes it of a stored value."""
 
-    model_config = ConfigDict(from_attributes=True, json_schema_serialization_defaults_required=True)
+    model_config = ConfigDict(
+        from_attributes=True, populate_by_name=True, json_schema_serialization_defaults_required=True
+    )
+
+
+def stored(*path: str, **said: Any) -> Any:
+    """A member that the stored value has by another name, or further inside."""
+    return Field(validation_alias=AliasPath(*path), **said)
 
 
 MANY_UNKNOWN = "many_unknown"
@@ -214,6 +222,14 @@ def area_document(area: shapely.Geometry) -> PolygonDocument | MultiPolygonDocum
     """The document of a polygon or multipolygon."""
     kind = PolygonDocument if isinstance(area, Polygon) else MultiPolygonDocument
     return kind.model_validate(_as_lists(mapping(area)))
+
+
+def _of_shape(found: object) -> object:
+    return area_document(found) if isinstance(found, shapely.Geometry) else found
+
+
+OfShape = BeforeValidator(_of_shape)
+"""Of an area that is made of a stored shape."""
 
 
 def band_of(elevation_m: float | None, height_m: float | None) -> HeightBand | None:

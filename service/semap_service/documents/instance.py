@@ -16,7 +16,7 @@ from semap.model.pose import IDENTITY
 from semap.store.frames import Keep
 from semap.store.history import PastInstance
 from semap.store.instance_edit import KEEP, Changes
-from semap.store.instances import Instance, InstanceDetail
+from semap.store.instances import InstanceDetail
 from semap.store.placement import inverse, normalised
 from semap_service.documents.document import (
     AreaDocument,
@@ -30,6 +30,7 @@ from semap_service.documents.document import (
     area_document,
     area_of,
     band_of,
+    stored,
 )
 
 Attributes = Annotated[dict[str, Any], Field(description="Whatever else is known.", examples=[{"number": 7}])]
@@ -56,7 +57,7 @@ LocalPose = Annotated[
 class InstanceSummary(Document):
     """An instance as lists show it."""
 
-    id: int
+    id: int = stored("instance_id")
     uid: UUID
     map: str = Field(examples=["office"])
     name: str = Field(examples=["Room07"])
@@ -234,27 +235,10 @@ class InstanceChanges(Request):
         )
 
 
-def summary(instance: Instance) -> InstanceSummary:
-    return InstanceSummary(**summary_fields(instance))
-
-
-def summary_fields(instance: Instance) -> dict[str, Any]:
-    """The fields of a summary, for documents that say more."""
-    return {
-        "id": instance.instance_id,
-        "uid": instance.uid,
-        "map": instance.map,
-        "name": instance.name,
-        "alias": instance.alias,
-        "concept": instance.concept,
-        "storey": instance.storey,
-    }
-
-
 def detail(found: InstanceDetail, crs: str | None = None) -> InstanceDocument:
     """crs  the system in which the footprint is given; None: the map frame"""
     return InstanceDocument(
-        **summary_fields(found.instance),
+        **dict(InstanceSummary.model_validate(found.instance)),
         pose=None if found.pose is None else PoseDocument.model_validate(found.pose),
         frame=FrameReference(id=found.frame_id, name=found.frame, parent=found.parent),
         description=None

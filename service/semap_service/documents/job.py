@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from semap.store.jobs import Job, Kind, State
+from semap.store.jobs import Kind, State
 from semap_service.documents.document import Document, Next, Stamp
 from semap_service.documents.problem import Problem
 
@@ -19,7 +19,7 @@ class JobDocument(Document):
     map: str | None = Field(description="What it brings something into, where that was said.")
     file: str = Field(description="As its sender calls it.", examples=["office.ifc"])
     state: State
-    progress: float = Field(ge=0, le=1)
+    progress: Annotated[float, AfterValidator(lambda part: round(part, 4))] = Field(ge=0, le=1)
     message: str = Field(description="What it is doing.", examples=["120 of 300 objects read"])
     result: dict[str, Any] | None = Field(
         description="What the same request answers that waits; null: it is not done."
@@ -33,20 +33,3 @@ class JobDocument(Document):
 class JobList(Document):
     jobs: list[JobDocument] = Field(description="The newest first.")
     next: Next = Field(description="`before` of the next page; null where this is the last one.")
-
-
-def job_document(job: Job) -> JobDocument:
-    return JobDocument(
-        job_id=job.job_id,
-        kind=job.kind,
-        map=job.map,
-        file=job.file,
-        state=job.state,
-        progress=round(job.progress, 4),
-        message=job.message,
-        result=None if job.result is None else dict(job.result),
-        problem=None if job.problem is None else Problem.model_validate(job.problem),
-        created_by=job.created_by,
-        created_at=job.created_at,
-        finished_at=job.finished_at,
-    )

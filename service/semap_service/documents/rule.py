@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from semap.model.given_up import GivenUp
 from semap_service.documents.document import Document, Stamp
 
 EDGES = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
@@ -36,8 +35,3 @@ class GivenUpDocument(Document):
 
     first: Stamp = Field(description="Events that begin here or later may be missing.")
     key: dict[str, Any] = Field(description="By the names in `partition_by`.", examples=[{"track": "ann"}])
-
-
-def given_up_document(given_up: GivenUp | None) -> GivenUpDocument | None:
-    """Without how much it was, which changes again and again, and with it the ETag of a rule would."""
-    return None if given_up is None else GivenUpDocument(first=given_up.first, key=dict(given_up.key))

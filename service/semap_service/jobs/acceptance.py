@@ -21,7 +21,7 @@ from semap.store.jobs import Job, Kind, Owner, get_job
 from semap_service.context.caller import SYSTEM, acting_as, current_caller
 from semap_service.context.request_id import current_request_id
 from semap_service.database.transaction import Writing, transaction
-from semap_service.documents.job import JobDocument, job_document
+from semap_service.documents.job import JobDocument
 from semap_service.exchange.file_name import file_name
 from semap_service.http.problem import MEDIA_TYPE, problems
 from semap_service.jobs.failure import stopped
@@ -109,7 +109,7 @@ class Acceptance:
 
 def _begun(job: Job) -> JSONResponse:
     headers = {"Location": f"/jobs/{job.job_id}", "Preference-Applied": "respond-async"}
-    return JSONResponse(job_document(job).model_dump(mode="json"), HTTPStatus.ACCEPTED, headers)
+    return JSONResponse(JobDocument.model_validate(job).model_dump(mode="json"), HTTPStatus.ACCEPTED, headers)
 
 
 def _acceptance(

@@ -30,12 +30,12 @@ from semap_service.documents.instance import (
     InstanceChanges,
     InstanceDocument,
     InstanceList,
+    InstanceSummary,
     NewInstance,
     PastInstanceDocument,
     detail,
     past_detail,
     past_summary,
-    summary,
 )
 from semap_service.exchange.crs import Crs, footprint_in
 from semap_service.exchange.mesh_upload import Unit, UpAxis, read_upload
@@ -84,7 +84,7 @@ def list_instances(
             connection, map_name=map_name, concept_name=concept, name=name, after=after, limit=limit
         )
     return InstanceList(
-        instances=[summary(each) for each in found],
+        instances=[InstanceSummary.model_validate(each) for each in found],
         next=next_after([each.instance_id for each in found], limit),
     )
 

@@ -139,17 +139,7 @@ def _document(operator: Operator) -> OperatorDocument:
         takes_references=operator.references is not None,
         takes_targets=operator.targets is not None,
         edits=operator.edits,
-        parameters=[
-            ParameterDocument(
-                name=each.name,
-                kind=each.kind,
-                answers=each.answers,
-                required=each.required,
-                default=each.default,
-                choices=list(each.choices),
-            )
-            for each in operator.parameters
-        ],
+        parameters=[ParameterDocument.model_validate(each) for each in operator.parameters],
         columns=[
             name
             for each in operator.columns

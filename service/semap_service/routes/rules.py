@@ -29,8 +29,9 @@ from semap_service.documents.document import (
     SmallId,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.documents.rule import Declaration, GivenUpDocument, given_up_document
+from semap_service.documents.rule import Declaration, GivenUpDocument
 from semap_service.http.etag import TaggedRoute, edits, reads
 from semap_service.http.problem import problems
 
@@ -49,7 +50,7 @@ Backfill = Annotated[
 class RuleDocument(Document):
     """A rule: which events are made of what."""
 
-    id: int
+    id: int = stored("rule_id")
     map: str = Field(examples=["office"])
     name: str = Field(examples=["room_visits"])
     version: int = Field(description="Rises with each change of the declaration.")
@@ -113,7 +114,8 @@ def list_rules(
             get_map(connection, map_name)
         found = rules.list_rules(connection, map_name=map_name, after=after, limit=limit)
     return RuleList(
-        rules=[_document(each) for each in found], next=next_after([each.rule_id for each in found], limit)
+        rules=[RuleDocument.model_validate(each) for each in found],
+        next=next_after([each.rule_id for each in found], limit),
     )
 
 
@@ -128,7 +130,7 @@ def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
     with write.begin() as connection:
         made = rule_editing.add_rule(connection, new.map, declared, _stamp(new.backfill_from))
     response.headers["Location"] = f"/rules/{made.rule_id}"
-    return _document(made)
+    return RuleDocument.model_validate(made)
 
 
 @router.get("/rules/{id}", operation_id="get_rule", responses=reads(404))
@@ -156,7 +158,7 @@ def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument: 
             rule = rule_editing.replace_rule(connection, id, declared, _stamp(changes.backfill_from))
         if changes.enabled is not None:
             rule = rules.enable_rule(connection, id, changes.enabled)
-    return _document(rule)
+    return RuleDocument.model_validate(rule)
 
 
 @router.get("/rules/{id}/versions", operation_id="list_rule_versions", responses=reads(404))
@@ -187,18 +189,4 @@ def _stamp(backfill: datetime | Literal["all"] | None) -> datetime | None:
 
 
 def _read(connection: Connection, rule_id: int) -> RuleDocument:
-    return _document(rules.get_rule(connection, rule_id))
-
-
-def _document(rule: rules.Rule) -> RuleDocument:
-    return RuleDocument(
-        id=rule.rule_id,
-        map=rule.map,
-        name=rule.name,
-        version=rule.version,
-        queries=list(rule.queries),
-        declaration=dict(rule.declaration),
-        enabled=rule.enabled,
-        backfill_from=rule.backfill_from,
-        given_up=given_up_document(rule.given_up),
-    )
+    return RuleDocument.model_validate(rules.get_rule(connection, rule_id))
