@@ -15,9 +15,9 @@ from typing import Any
 import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
-from semap_service.app import create_app
 from semap_service.cli import commands
-from semap_service.problem import STATUS, TYPE
+from semap_service.http.problem import STATUS, TYPE
+from semap_service.serving.app import create_app
 
 from semap import Client
 from semap.rules.language.clauses import SKIPS

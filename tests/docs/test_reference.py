@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from semap_service.app import create_app
+from semap_service.serving.app import create_app
 
 from semap import Client
 from semap.rules.language.template import TEMPLATES
