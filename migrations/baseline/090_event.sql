@@ -110,7 +110,10 @@ create table semap.event_number (
   number    bigint not null,
   unique (map_id, number)
 );
-create table semap.event_count (map_id integer primary key, newest bigint not null);
+create table semap.event_count (
+  map_id  integer primary key,
+  newest  bigint not null
+);
 
 create table semap.event_evidence (
   event_id  uuid not null references semap.event (event_id),

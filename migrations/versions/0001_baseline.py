@@ -1,14 +1,12 @@
-"""The schema: the files of migrations/baseline, in their order."""
-
-from pathlib import Path
+"""The schema: the files of migrations/baseline."""
 
 from alembic import op
+
+from semap.store.schema import run_files
 
 revision = "0001"
 down_revision = None
 
 
 def upgrade() -> None:
-    cursor = op.get_bind().connection.cursor()
-    for file in sorted(Path(__file__).parents[1].glob("baseline/*.sql")):
-        cursor.execute(file.read_text())
+    run_files(op.get_bind(), "migrations/baseline")

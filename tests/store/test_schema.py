@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from unittest.mock import patch
 
 import pytest
@@ -107,26 +105,6 @@ def test_versions_are_those_of_alembic() -> None:
     versions = [script.revision for script in scripts.walk_revisions()]
     assert versions == [f"{number:04}" for number in range(len(versions), 0, -1)]
     assert [script.down_revision for script in scripts.walk_revisions()] == [*versions[1:], None]
-
-
-def test_a_second_migration_changes_what_the_first_made(
-    database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folders = {name: schema_folder(name) for name in ("sql", "migrations")}
-    shutil.copytree(folders["migrations"], tmp_path / "migrations")
-    (tmp_path / "migrations" / "versions" / "0002_floor_colour.py").write_text(
-        "from alembic import op\n"
-        "revision, down_revision = '0002', '0001'\n"
-        "def upgrade(): op.execute('alter table semap.map add column colour text')\n"
-    )
-    with connect(database) as connection:
-        connection.execute("insert into semap.map (name) values ('office')")
-        monkeypatch.setattr(schema, "schema_folder", (folders | {"migrations": tmp_path / "migrations"}).get)
-        assert not is_current(connection)
-        migrated = migrate(database)
-        assert (migrated.version_before, migrated.version) == ("0001", "0002")
-        assert connection.execute("select name, colour from semap.map").fetchall() == [("office", None)]
-        assert is_current(connection)
 
 
 def test_every_function_says_what_it_does(database: str) -> None:
