@@ -85,17 +85,17 @@ create table semap.event (
   rule_version   integer not null,
   type           text not null,
   stamp          timestamptz not null,
-  since          timestamptz not null,
   cause          text,
-  key            jsonb not null default '{}' check (jsonb_typeof(key) = 'object'),
   track_id       bigint,
   track_name     text,
   instance_id    bigint,
   instance_name  text,
+  since          timestamptz not null,
+  created_at     timestamptz not null default clock_timestamp(),
+  key            jsonb not null default '{}' check (jsonb_typeof(key) = 'object'),
   measures       jsonb not null default '{}' check (jsonb_typeof(measures) = 'object'),
   confidence     double precision check (confidence between 0 and 1),
-  by_batch       boolean not null default false,
-  created_at     timestamptz not null default clock_timestamp()
+  by_batch       boolean not null default false
 );
 create index event_stamp on semap.event (stamp);
 create index event_map on semap.event (map_id, seq);
