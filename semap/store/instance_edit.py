@@ -138,7 +138,7 @@ def _require_known(connection: Connection, map_id: int, item: Item) -> None:
     with translated():
         rows = connection.execute(
             select(instance.c.name, concept.c.name)
-            .join(concept)
+            .join(concept, concept.c.concept_id == instance.c.concept_id)
             .where(instance.c.map_id == map_id, one_of(instance.c.name, {item.storey, *item.joins} - {None}))
         )
         known = dict(rows.all())

@@ -19,7 +19,7 @@ from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
     import psycopg
-    from sqlalchemy import Connection, Engine
+    from sqlalchemy import Engine
 
     from semap.store.events import StoredEvent, Stretch
     from semap_service.database.event_selection import Selection
@@ -102,6 +102,8 @@ class _Reader:
 
         raises  ServerUnavailable if the server does not answer, or went away
         """
+        from semap.store.database import wait_for_notice  # noqa: PLC0415
+
         with _listening(dsn) as (listener, engine):
             self.is_waiting = False
             while True:
@@ -110,7 +112,7 @@ class _Reader:
                     self.after = event.seq
                     if self.selection.takes(event):
                         self.shown += 1
-                        yield _row(event, stands)
+                        yield row_of(event, stands)
                         if self.shown == self.limit:
                             return
                 self.after = stretch.last
@@ -118,25 +120,24 @@ class _Reader:
                     continue
                 if not follow:
                     return
-                next(iter(listener.notifies(timeout=WAKE_S, stop_after=1)), None)
+                wait_for_notice(listener, WAKE_S)
 
 
 @contextmanager
 def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
-    from semap.store.database import connect, open_engine, translated  # noqa: PLC0415
+    from semap.store.database import listen, one_session, translated  # noqa: PLC0415
 
-    engine = open_engine(dsn, "semap_read", application="semap events", size=1)
-    try:
-        with connect(dsn, "semap_read", application="semap events") as connection, translated():
-            connection.execute("listen semap_event")
-            yield connection, engine
-    finally:
-        engine.dispose()
+    with (
+        one_session(dsn, "semap_read", application="semap events") as engine,
+        listen(dsn, "semap_event", "semap_read", application="semap events") as listener,
+        translated(),
+    ):
+        yield listener, engine
 
 
 def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch, Standing]:
     from semap.store.database import translated  # noqa: PLC0415
-    from semap.store.events import read_stretch  # noqa: PLC0415
+    from semap.store.events import numbers_of, read_stretch  # noqa: PLC0415
 
     with translated(), engine.begin() as connection:
         stretch = read_stretch(
@@ -147,18 +148,9 @@ def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch,
             event_type=selection.type,
             rule_name=selection.rule,
         )
-        return stretch, _numbers(connection, {each.amended_by for each in stretch.events if each.amended_by})
-
-
-def _numbers(connection: Connection, event_ids: set[UUID]) -> Standing:
-    from sqlalchemy import select  # noqa: PLC0415
-
-    from semap.store.tables import event  # noqa: PLC0415
-
-    if not event_ids:
-        return {}
-    found = connection.execute(select(event.c.event_id, event.c.seq).where(event.c.event_id.in_(event_ids)))
-    return {row.event_id: row.seq for row in found}
+        return stretch, numbers_of(
+            connection, {each.amended_by for each in stretch.events if each.amended_by}
+        )
 
 
 def _require_map(dsn: str, name: str) -> None:
@@ -169,7 +161,7 @@ def _require_map(dsn: str, name: str) -> None:
         get_map(connection, name)
 
 
-def _row(event: StoredEvent, stands: Standing) -> dict[str, Any]:
+def row_of(event: StoredEvent, stands: Standing) -> dict[str, Any]:
     """An event as JSON gives it; `amended_by` is the number of the event that stands in its place."""
     return {
         "seq": event.seq,

@@ -191,7 +191,9 @@ def now(
     dsn: Dsn = None,
 ) -> None:
     """Show what holds now, and since when; or what held at a time, until when and how long."""
-    relations.show(relations.Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
+    from semap.store.relation_spans import Chosen  # noqa: PLC0415
+
+    relations.show(Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
 
 
 def watch(

@@ -99,12 +99,14 @@ def amendments(
     dsn: Dsn = None,
 ) -> None:
     """Show which tracks were found out to be one person, or to have changed persons, oldest first."""
-    from semap.store.database import connect, open_engine  # noqa: PLC0415
+    from semap.store.database import listen, one_session, wait_for_notice  # noqa: PLC0415
     from semap.store.track_amendments import list_track_amendments  # noqa: PLC0415
 
-    with database(dsn) as opened, connect(opened, "semap_read", application="semap track") as listening:
-        listening.execute("listen semap_amendment")
-        engine = open_engine(opened, "semap_read", application="semap track", size=1)
+    with (
+        database(dsn) as opened,
+        one_session(opened, "semap_read", application="semap track") as engine,
+        listen(opened, "semap_amendment", "semap_read", application="semap track") as listening,
+    ):
         shown = 0
         while True:
             with engine.begin() as connection:
@@ -117,8 +119,7 @@ def amendments(
                 continue
             if not follow:
                 break
-            next(iter(listening.notifies(timeout=WAKE_S, stop_after=1)), None)
-        engine.dispose()
+            wait_for_notice(listening, WAKE_S)
         if not shown and not as_json:
             typer.echo("No amendments. Trackers of `semap ingest recording` make them.", err=True)
 
