@@ -42,7 +42,7 @@ class InstanceImportDocument(Document):
     concepts: dict[str, int] = Field(
         description="How many instances of each concept.", examples=[{"Desk": 120}]
     )
-    findings: list[FindingDocument] = Field(description="What had to be changed or left out.")
+    findings: list[FindingDocument] = Field(description="Repairs and omissions.")
 
 
 @dataclass(frozen=True, eq=False)

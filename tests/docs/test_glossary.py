@@ -6,7 +6,11 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 CHECKOUT = Path(__file__).parents[2]
+PRIVATE = re.compile(r"\b(calm|verges?|careful|whoever|take[sn]? back|took back|told|happenings)\b", re.I)
+"""Words of semap's own for which the glossary has a term."""
 GLOSSARY = CHECKOUT / "docs/reference/glossary.md"
 
 
@@ -38,3 +42,12 @@ def test_each_term_is_there_once_and_in_order() -> None:
     assert all(each == sorted(each) for each in tables)
     times = Counter(term for table in tables for term in table)
     assert times == dict.fromkeys(times, 1)
+
+
+@pytest.mark.parametrize("path", ["README.md", "ARCHITECTURE.md", "docs", "docs/how-to", "docs/explanation"])
+def test_pages_use_the_terms(path: str) -> None:
+    """In their prose; what is code, or the address of a link, may be called otherwise."""
+    place = CHECKOUT / path
+    for page in sorted(place.glob("*.md")) if place.is_dir() else [place]:
+        prose = re.sub(r"```.*?```|`[^`]*`|\]\([^)]*\)", " ", page.read_text(), flags=re.S)
+        assert PRIVATE.findall(prose) == [], page.name

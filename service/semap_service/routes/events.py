@@ -65,7 +65,7 @@ def _wanted(
         Query(
             min_length=1,
             max_length=8000,
-            description="Only events that this CQL2 text takes. It may ask for seq, map, type, rule,"
+            description="Only events that match this CQL2 text. Properties: seq, map, type, rule,"
             " rule_version, track, track_id, instance, instance_id, stamp, since, cause, confidence,"
             " by_batch, verdict, place (where its track was then, or else its instance is, in the map"
             " frame), and for key.NAME, measures.NAME and payload.NAME (either of the two).",
@@ -156,7 +156,7 @@ def get_event_schema(request: Request) -> Response:
     responses=problems(),
 )
 def get_asyncapi(request: Request) -> Response:
-    """What the feeds send (AsyncAPI 3.0)."""
+    """The messages of the feeds (AsyncAPI 3.0)."""
     return JSONResponse(asyncapi(request.url.netloc, secure=request.url.scheme == "https"))
 
 

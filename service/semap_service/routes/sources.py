@@ -25,7 +25,7 @@ JUMP = (
 
 
 class SourceChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     lateness_s: Annotated[float, Field(ge=0, le=sources.LONGEST_LATENESS_S)] | None = Field(
         None, description=LATENESS
@@ -42,7 +42,7 @@ class SourceChanges(Request):
 
 
 class SourceDocument(Document):
-    """Who says where tracks are or what state objects have, and how far it is believed."""
+    """A source of states of tracks or objects, with its settings."""
 
     id: int
     map: str = Field(examples=["office"])
@@ -63,7 +63,7 @@ class SourceList(Document):
 def list_sources(
     database: Database, map_name: MapFilter = None, limit: Limit = 100, after: After = 0
 ) -> SourceList:
-    """Who brings in what is seen."""
+    """The sources."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
