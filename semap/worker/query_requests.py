@@ -45,9 +45,9 @@ def answering(dsn: str) -> Iterator[None]:
 
 def _keep(dsn: str, stop: Signal) -> None:
     if find_spec("pglast") is None:
-        log.info("Queries that are asked for in SQL are not answered. To do so: pip install 'semap[sql]'")
+        log.info("Requests for queries in SQL are not answered. To do so: pip install 'semap[sql]'")
         return
-    waits = "Queries that are asked for in SQL wait"
+    waits = "Requests for queries in SQL wait"
     again_and_again(partial(_follow, dsn), stop, log, waits, RETRY_S)
 
 

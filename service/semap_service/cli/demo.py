@@ -201,4 +201,4 @@ def _say_what_next(events: int, scenes: int, port: int, stay: bool) -> None:
     own = "./dev demo --stay" if os.environ.get("SEMAP_DEV") else "semap demo --stay"
     typer.echo(f"   Where to look next:\n"
                f"     {own}    keeps the service up, to ask it about rooms and tracks\n"
-               f"     README.md            your own building and your own tracks")  # fmt: skip
+               f"     docs/tutorial.md     your own building and your own tracks")  # fmt: skip

@@ -38,11 +38,9 @@ HUES = ("cyan", "green", "magenta", "yellow", "blue", "bright_red", "bright_cyan
 def events(
     follow: Annotated[
         bool,
-        typer.Option("--follow", "-f", help="Go on as new events happen, also after the server was gone."),
+        typer.Option("--follow", "-f", help="Continue with new events, also after a restart of the server."),
     ] = False,
-    after: Annotated[
-        int, typer.Option(help="Only events after this number: the last that you know.", min=0)
-    ] = 0,
+    after: Annotated[int, typer.Option(help="Only events after this number (the cursor).", min=0)] = 0,
     limit: Annotated[int, typer.Option(help="At most so many; 0 for all.", min=0)] = 0,
     map_name: Annotated[str | None, typer.Option("--map", help="Only events on this map.")] = None,
     kind: Annotated[str | None, typer.Option("--type", help="Only events of this type.")] = None,
@@ -52,13 +50,13 @@ def events(
         typer.Option(
             "--filter",
             metavar="CQL2",
-            help="Only events like this, such as \"track = 'ann' AND confidence > 0.8\".",
+            help="Only events that match this, such as \"track = 'ann' AND confidence > 0.8\".",
         ),
     ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show events, oldest first, each with its number: who entered or left which room, and when."""
+    """Show events, oldest first, each with its number, stamp, track and instance."""
     from semap_service.database.event_selection import Selection  # noqa: PLC0415
 
     selection = Selection(map_name, kind, rule, where)

@@ -26,7 +26,7 @@ def relations(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show who is where and related to what: now, as of a time, or at any time between two.
+    """Show relations: current ones, those as of a time, or those within a time span.
 
     semap relations --map office --as-of 2026-01-31T12:00:00Z
     """

@@ -124,7 +124,7 @@ def wait_for_rules(dsn: str) -> None:
             if row and row[0]:
                 return
             Signal().wait(POLL_S)
-    raise DatabaseError("The rule worker does not keep up.", "See what `semap work` says.")
+    raise DatabaseError("The rule worker does not keep up.", "See the log of `semap work`.")
 
 
 def _listen(
