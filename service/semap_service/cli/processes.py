@@ -177,14 +177,14 @@ def serve(
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.port import require_free  # noqa: PLC0415
     from semap_service.serving import serve as run  # noqa: PLC0415
-    from semap_service.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.supervisor import leave_when_told  # noqa: PLC0415
     from semap_service.webhooks.deliverer import WebhookSettings  # noqa: PLC0415
 
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
     require_free(host, port)
+    leave_when_told()
     with database(dsn) as opened:
-        stop_signal()
         if not without_tokens:
             _say_how_to_make_a_token(opened)
         app = create_app(
