@@ -75,6 +75,5 @@ def test_serve_leaves_wherever_it_waits(database: str, answered: int) -> None:
             said, _ = process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()
-        print(said)
         assert "Traceback" not in said
         assert process.returncode == 0
