@@ -182,8 +182,8 @@ def serve(
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
     require_free(host, port)
+    leave_when_told()
     with database(dsn) as opened:
-        stop_signal()
         if not without_tokens:
             _say_how_to_make_a_token(opened)
         app = create_app(
