@@ -174,7 +174,7 @@ def serve(
     from semap_service.jobs.runner import JobSettings  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.processes.port import require_free  # noqa: PLC0415
-    from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.processes.supervisor import leave_when_told  # noqa: PLC0415
     from semap_service.serving.app import create_app  # noqa: PLC0415
     from semap_service.serving.uvicorn_server import serve as run  # noqa: PLC0415
     from semap_service.webhooks.delivery import WebhookSettings  # noqa: PLC0415
