@@ -10,8 +10,6 @@ language sql immutable parallel safe rows 1000 as $$
               (p_frame).speed_mps, (p_frame).length_m, (p_frame).width_m, (p_frame).std_across_m, (p_frame).std_yaw_rad)
     s (track_id, x_m, y_m, z_m, std_m, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)
 $$;
-comment on function semap.states_of_frame is
-  'The states of a frame, as rows.';
 
 -- The states that frames hold, as rows.
 create or replace view semap.framed_state as
@@ -19,5 +17,3 @@ create or replace view semap.framed_state as
          s.heading_rad, s.speed_mps, s.length_m, s.width_m, f.stamp as from_stamp, f.stamp as to_stamp,
          s.std_across_m, s.std_yaw_rad, f.source_id
   from semap.track_state_frame f cross join lateral semap.states_of_frame(f) s;
-comment on view semap.framed_state is
-  'The states that frames hold, as rows.';

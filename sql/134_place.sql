@@ -35,14 +35,10 @@ begin
     update semap.source_count set placed_stamp = frame_stamp where source_id = v_count.source_id;
   end loop;
 end $$;
-comment on function semap.settle_places is
-  'Write the place of each live track of these sources that has a newer one.';
 
 -- Write where all tracks of these maps are.
 create or replace function semap.settle_maps(p_map_ids integer[]) returns void
 language sql as $$ select semap.settle_places(array_agg(source_id)) from semap.source where map_id = any (p_map_ids) $$;
-comment on function semap.settle_maps is
-  'Write where all tracks of these maps are.';
 
 -- Whether places of the tracks of a source may be written late: no query asks for the way between two samples, and no
 -- calm is so wide that the gate for outliers could not do without the exact place.
@@ -53,8 +49,6 @@ begin
   return coalesce((select jump_m >= 3 * p_cell_m or jump_m is null from semap.source where source_id = p_source_id), false)
     and not exists (select from semap.region where map_id = p_map_id and careful and longest_gap is not null);
 end $$;
-comment on function semap.may_place_late is
-  'Whether places of the tracks of a source may be written late.';
 
 -- Count states that came late, and note which tracks began earlier than was known.
 create or replace function semap.note_late(p_source_id integer, p_late semap.arrival[]) returns void
@@ -65,8 +59,6 @@ begin
   from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
   where t.track_id = n.track_id and n.stamp < t.first_stamp;
 end $$;
-comment on function semap.note_late is
-  'Count states that came late, and note which tracks began earlier than was known.';
 
 -- A gate for outliers that is another one asks how far tracks went, so places are written by then; and whether
 -- frames may follow one another is found anew.
@@ -77,8 +69,6 @@ begin
   update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id = new.source_id;
   return null;
 end $$;
-comment on function semap.gate_changed is
-  'A gate for outliers that is another one asks how far tracks went, so places are written by then.';
 
 create or replace trigger gate_changed after update of jump_m, jump_mps on semap.source
   for each row execute function semap.gate_changed();
@@ -105,5 +95,3 @@ create or replace view semap.track_place with (security_barrier) as
     where c.placed_stamp < c.frame_stamp
   ) s on s.track_id = t.track_id and s.source_id = t.source_id and s.stamp > t.stamp and t.live
   where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);
-comment on view semap.track_place is
-  'Where tracks are, each at the newest place that is known of it.';

@@ -7,8 +7,9 @@
 -- event time for tracks that are calm. Meanwhile a live track was seen last at the later one of `track_now.stamp` and
 -- `source_count.frame_stamp`. A map with queries about the way between samples, or about pairs, wants all places at once.
 
--- Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are asked for, since
--- else each batch would read all of track_now.
+-- New states move their tracks: relations begin and end at the stamp of the first state that shows it. Presents are in
+-- memory, and of many tracks only a few come in a batch: pages are read as they are asked for, since else each batch
+-- would read all of track_now.
 create or replace function semap.track_state_inserted() returns trigger
 language plpgsql security definer
 set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off
@@ -166,8 +167,6 @@ begin
   perform semap.note_newest(v_source_id, v_last);
   return null;
 end $$;
-comment on function semap.track_state_inserted is
-  'New states move their tracks: relations begin and end at the stamp of the first state that shows it.';
 
 create or replace trigger track_state_inserted after insert on semap.track_state
   referencing new table as new_state for each statement execute function semap.track_state_inserted();

@@ -20,8 +20,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.track_handed_over is
-  'A track goes on at another source: both know anew what their tracks are.';
 
 create or replace trigger track_handed_over after update on semap.track
   for each row when ((new.source_id, new.map_id) is distinct from (old.source_id, old.map_id))
@@ -49,5 +47,3 @@ begin
   update semap.track set source_id = p_source_id where track_id = any (p_track_ids) and source_id <> p_source_id;
   perform set_config('semap.source_is_held', 'off', true);
 end $$;
-comment on function semap.hand_over_tracks is
-  'Hand tracks to another source of their map, in a transaction of its own.';

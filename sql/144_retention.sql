@@ -10,8 +10,6 @@ language sql stable as $$
   select date_trunc('day', (clock_timestamp() - drop_after) at time zone 'UTC') at time zone 'UTC'
   from semap.retention where kind = p_kind
 $$;
-comment on function semap.kept_since is
-  'The start of the oldest day of a kind that is kept; null where all is kept.';
 
 -- The start of the oldest day whose states are not packed; null where none is to be packed.
 create or replace function semap.rows_since() returns timestamptz
@@ -19,8 +17,6 @@ language sql stable as $$
   select date_trunc('day', (clock_timestamp() - pack_after) at time zone 'UTC') at time zone 'UTC'
   from semap.retention where kind = 'states'
 $$;
-comment on function semap.rows_since is
-  'The start of the oldest day whose states are not packed; null where none is to be packed.';
 
 -- The partitions of track_state and line_observation that are of one day, with when they were made.
 create or replace function semap.day_partitions()
@@ -34,8 +30,6 @@ language sql stable set search_path = pg_catalog, pg_temp as $$
   where p.oid in ('semap.track_state'::regclass, 'semap.line_observation'::regclass)
     and c.relname ~ ('^' || p.relname || '_[0-9]{8}$')
 $$;
-comment on function semap.day_partitions is
-  'The partitions of track_state and line_observation that are of one day, with when they were made.';
 
 -- Note that what is older than a moment has been dropped.
 create or replace function semap.note_gone(p_kind text, p_before timestamptz) returns void
@@ -43,8 +37,6 @@ language sql as $$
   update semap.retention set gone_before = p_before
   where kind = p_kind and coalesce(gone_before, '-infinity') < p_before
 $$;
-comment on function semap.note_gone is
-  'Note that what is older than a moment has been dropped.';
 
 -- Drop the partition of a day that is past: one without rows that was not made just now, or one that is not to be kept.
 -- Says whether it did. Who writes to that very day waits while it is looked at.
@@ -72,8 +64,6 @@ begin
   end if;
   return not v_is_used;
 end $$;
-comment on function semap.drop_day is
-  'Drop the partition of a day that is past, where it has no rows or is not to be kept.';
 
 -- Give the partition of a past day its key where it has none; says whether it did. Of states of a track at one stamp,
 -- which nobody could refuse without a key, the first stays.
@@ -98,8 +88,6 @@ begin
   end;
   return true;
 end $$;
-comment on function semap.key_day is
-  'Give the partition of a past day its key where it has none; says whether it did.';
 
 -- Delete at most so many rows of a kind that are not to be kept, and say how many there were; of states and lines those
 -- that lie in no partition of their day, and packed ones, each of which counts as one row. Changes that rules may not
@@ -152,5 +140,3 @@ begin
   end if;
   return v_rows;
 end $$;
-comment on function semap.drop_rows is
-  'Delete at most so many rows of a kind that are not to be kept, and say how many there were.';

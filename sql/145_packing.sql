@@ -10,8 +10,6 @@ create or replace function semap.bits_of(p_number double precision) returns bigi
 language sql immutable strict parallel safe as $$
   select ('x' || encode(float8send(p_number), 'hex'))::bit(64)::bigint
 $$;
-comment on function semap.bits_of is
-  'The bits of a number.';
 
 -- The finite number that has these bits: sign, exponent and four bits of the fraction; sixteen more; 32 more.
 create or replace function semap.number_of(p_high smallint, p_middle smallint, p_low integer) returns double precision
@@ -23,8 +21,6 @@ language sql immutable strict parallel safe as $$
             + (p_low::bigint & 4294967295)::double precision)
          * power(2::double precision, greatest((p_high & 32752) >> 4, 1) - 1075)
 $$;
-comment on function semap.number_of is
-  'The finite number that has these bits: sign, exponent and four bits of the fraction; sixteen more; 32 more.';
 
 -- Pack the states of the half hour that begins at a moment; says how many came as rows. What came late is put among the
 -- states that are packed already; of two of one track at one stamp the one that was packed first is kept, as the key of
@@ -95,5 +91,3 @@ begin
   select count(*) into v_states from taken;
   return v_states;
 end $$;
-comment on function semap.pack_states is
-  'Pack the states of the half hour that begins at a moment; says how many came as rows.';

@@ -15,8 +15,6 @@ language sql immutable parallel safe as $$
                else std_across_m between 0 and std_m and std_m < 1e15 and abs(std_yaw_rad) <= 7
                end is not true)
 $$;
-comment on function semap.are_ellipses is
-  'Whether what a frame says of errors is so of each of its states.';
 
 -- Make rows of the oldest frames of a source, or of the one that has the oldest, of one day and of at most so many states,
 -- but of one frame at least; says of how many. The rows go straight to where those of the day are, past the trigger of track_state, since
@@ -66,8 +64,6 @@ begin
   into v_frames using v_source_id, v_from, v_from + interval '1 day', p_most_states;
   return v_frames;
 end $$;
-comment on function semap.unfold_frames is
-  'Make rows of the oldest frames of a source, or of the one that has the oldest.';
 
 -- Make rows of all frames of these sources, for what asks for all their states as rows. Whoever calls it keeps their writers out.
 create or replace function semap.unfold_sources(p_source_ids integer[]) returns void
@@ -81,8 +77,6 @@ begin
     end loop;
   end loop;
 end $$;
-comment on function semap.unfold_sources is
-  'Make rows of all frames of these sources.';
 
 -- Make rows of the frames of a source that are older than this: nobody else does, it seems. It is no reason to refuse what
 -- comes.
@@ -95,8 +89,6 @@ begin
 exception when others then
   raise warning 'Frames of the source % do not become rows: %', p_source_id, sqlerrm;
 end $$;
-comment on function semap.unfold_old_frames is
-  'Make rows of the frames of a source that are older than this.';
 
 -- Write the places of sources that have been silent for so long: their newest frame may become rows as well.
 create or replace function semap.settle_silent_sources(p_silent interval default '10 s') returns void
@@ -114,8 +106,6 @@ begin
     perform semap.settle_places(v_source_ids);
   end if;
 end $$;
-comment on function semap.settle_silent_sources is
-  'Write the places of sources that have been silent for so long: their newest frame may become rows as well.';
 
 -- Make rows of a frame, and know whether the next one may follow it: whether it holds each live track of its source once,
 -- says where that is, and no query of the map asks for more than where somebody is.
@@ -157,8 +147,6 @@ begin
   set frame_stamp = p_frame.stamp, placed_stamp = v_count.placed_stamp, frame_tracks = v_tracks, frame_track_ids = p_frame.track_ids
   where source_id = p_frame.source_id;
 end $$;
-comment on function semap.take_frame_as_rows is
-  'Make rows of a frame, and know whether the next one may follow it.';
 
 -- A frame moves its tracks, and is kept, or becomes rows.
 create or replace function semap.state_frame_arrives() returns trigger
@@ -261,8 +249,6 @@ begin
   perform semap.note_newest(new.source_id, new.stamp, true);
   return new;
 end $$;
-comment on function semap.state_frame_arrives is
-  'A frame moves its tracks, and is kept, or becomes rows.';
 
 create or replace trigger state_frame_arrives before insert on semap.track_state_frame
   for each row execute function semap.state_frame_arrives();

@@ -23,8 +23,6 @@ language sql stable as $$
     limit 1) s on true
   where t.map_id = p_map_id
 $$;
-comment on function semap.present_places is
-  'Where each track of a map is by what is stored, whether or not its place is written already.';
 
 -- Regions against what the queries and the map ask for.
 create or replace function semap.region_differences(p_map_id integer)
@@ -45,8 +43,6 @@ language sql stable as $$
      or (st_asbinary(r.footprint), st_asbinary(r.shape), st_asbinary(r.core), st_asbinary(r.reach)) is distinct from
         (st_asbinary(w.footprint), st_asbinary(w.shape), st_asbinary(w.core), st_asbinary(w.reach))
 $$;
-comment on function semap.region_differences is
-  'Regions against what the queries and the map ask for.';
 
 -- Cells and edges of regions against those made anew.
 create or replace function semap.grid_differences(p_map_id integer)
@@ -76,8 +72,6 @@ language sql stable as $$
   from differing d left join semap.region r using (region_id)
   group by d.kind, d.region_id, r.instance_name, r.query_name
 $$;
-comment on function semap.grid_differences is
-  'Cells and edges of regions against those made anew.';
 
 -- Which tracks queries are about, against what their conditions say.
 create or replace function semap.choice_differences(p_map_id integer)
@@ -93,8 +87,6 @@ language sql stable as $$
   join semap.continuous_query q on q.query_id = coalesce(s.query_id, w.query_id)
   where s.query_id is null or w.query_id is null
 $$;
-comment on function semap.choice_differences is
-  'Which tracks queries are about, against what their conditions say.';
 
 -- The newest state of each of these tracks that was not set aside.
 create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz) returns table (
@@ -109,8 +101,6 @@ language sql stable as $$
     and s.stamp >= p_since and s.from_stamp > p_since - interval '30 min' and s.to_stamp >= p_since
   order by s.track_id, s.stamp desc
 $$;
-comment on function semap.newest_states is
-  'The newest state of each of these tracks that was not set aside.';
 
 -- The present of tracks against their newest states, and whether they live against when they ended.
 create or replace function semap.present_differences(p_map_id integer)
@@ -148,8 +138,6 @@ language sql stable as $$
       and (s.stamp is not null or p.stamp >= coalesce((select gone_before from semap.retention where kind = 'states'), '-infinity'))
   ) d (stored, wanted)
 $$;
-comment on function semap.present_differences is
-  'The present of tracks against their newest states, and whether they live against when they ended.';
 
 -- The regions that the present of each track says it is in, against its relations; and verges against relations.
 create or replace function semap.held_differences(p_map_id integer)
@@ -175,8 +163,6 @@ language sql stable as $$
   left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
   where v.map_id = p_map_id and v.held <> (n.track_id is not null)
 $$;
-comment on function semap.held_differences is
-  'The regions that the present of each track says it is in, and its verges, against its relations.';
 
 -- Which plain regions hold each live track of a map, by its place and their footprints alone.
 create or replace function semap.plain_relations(p_map_id integer)
@@ -195,8 +181,6 @@ begin
     join pg_temp.semap_footprint r on st_contains(r.footprint, st_point(p.x_m, p.y_m))
     where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m);
 end $$;
-comment on function semap.plain_relations is
-  'Which plain regions hold each live track of a map, by its place and their footprints alone.';
 
 -- Relations with plain regions against where the tracks are; and relations with nothing.
 create or replace function semap.plain_differences(p_map_id integer)
@@ -219,5 +203,3 @@ language sql as $$
   left join semap.track k on k.track_id = coalesce(s.track_id, w.track_id)
   where s.track_id is null or w.track_id is null or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
 $$;
-comment on function semap.plain_differences is
-  'Relations with plain regions against where the tracks are; and relations with nothing.';

@@ -24,8 +24,6 @@ language sql stable as $$
                                                n.heading_rad, n.length_m, n.width_m) as shape offset 0) s
   where w.map_id = p_map_id
 $$;
-comment on function semap.wanted_members is
-  'Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks alone.';
 
 -- Instances that take part in queries about pairs, with what these compare of each, against what the queries and the map say;
 -- and where tracks are as pairs see them, against their states.
@@ -118,8 +116,6 @@ language sql stable as $$
     select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end as enters,
            case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end as leaves) c
 $$;
-comment on function semap.standing_pairs is
-  'Each two things of a map that are a pair by what is stored, or may be one by where they are now, and how they stand.';
 
 -- Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.
 create or replace function semap.pair_differences(p_map_id integer)
@@ -147,5 +143,3 @@ language sql stable as $$
     end as wanted) d
   where d.wanted is not null
 $$;
-comment on function semap.pair_differences is
-  'Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.';

@@ -1,8 +1,8 @@
--- States that were, be they rows or packed, for whoever may see their tracks. The view semap.track_state_seen finds what lies in a stretch of
--- time; what it would have to sort first (the newest one before a moment, the first hundred) is found here by an index.
--- States are kept in the order of time and not of their tracks, which would make each write dearer: a look at one track
--- reads those of the others at that time, so it never leaves the time in which the track was seen.
--- All that is here acts for its owner and looks for itself which maps its caller may see.
+-- States that were, be they rows or packed, for whoever may see their tracks. The view semap.track_state_seen finds
+-- what lies in a stretch of time; what it would have to sort first (the newest one before a moment, the first hundred)
+-- is found here by an index. States are kept in the order of time and not of their tracks, which would make each write
+-- dearer: a look at one track reads those of the others at that time, so it never leaves the time in which the track
+-- was seen. All that is here acts for its owner and looks for itself which maps its caller may see.
 
 -- When a track was seen first and last, or ended; nothing of one that the caller may not see. Its last state may be one
 -- that is not written to its present (sql/135), or that was set aside (sql/131).
@@ -14,8 +14,6 @@ language sql stable parallel safe rows 1 as $$
   where n.track_id = p_track_id
     and ((select semap.visible_maps() is null) or n.map_id = any ((select semap.visible_maps())::integer[]))
 $$;
-comment on function semap.seen_between is
-  'When a track was seen first and last, or ended; nothing of one that the caller may not see.';
 
 -- The first states of a track between two moments, both included, that come after a third one. Of packed ones only so
 -- many are opened as it takes.
@@ -30,9 +28,11 @@ declare
 begin
   select greatest(p_from, first, p_after), least(p_to, last) into v_from, v_to from semap.seen_between(p_track_id);
   select least(v_to, min(to_stamp)) into v_to
-  from (select to_stamp, sum(states) over (order by from_stamp) - first_value(states) over (order by from_stamp) as states
+  from (select to_stamp,
+               sum(states) over (order by from_stamp) - first_value(states) over (order by from_stamp) as states
         from semap.track_state_packed
-        where track_id = p_track_id and to_stamp >= v_from and from_stamp > v_from - interval '30 min' and from_stamp <= v_to
+        where track_id = p_track_id and to_stamp >= v_from and from_stamp > v_from - interval '30 min'
+          and from_stamp <= v_to
        ) packed
   where states > p_limit;
   return query
@@ -43,11 +43,10 @@ begin
       and s.from_stamp > v_from - interval '30 min' and s.from_stamp <= v_to and s.to_stamp >= v_from
     order by s.stamp limit p_limit;
 end $$;
-comment on function semap.states_of_track is
-  'The first states of a track between two moments, both included, that come after a third one.';
 
 -- The newest state of a track at a moment, not older than another moment. Of packed ones only the last is opened.
-create or replace function semap.state_before(p_track_id bigint, p_at timestamptz, p_since timestamptz default '-infinity')
+create or replace function semap.state_before(p_track_id bigint, p_at timestamptz,
+                                              p_since timestamptz default '-infinity')
 returns setof semap.track_state
 language plpgsql stable parallel safe security definer rows 1
 set search_path = pg_catalog, pg_temp set plan_cache_mode = force_custom_plan as $$
@@ -66,11 +65,10 @@ begin
       and s.from_stamp > v_since - interval '30 min' and s.from_stamp <= v_at and s.to_stamp >= v_since
     order by s.stamp desc limit 1;
 end $$;
-comment on function semap.state_before is
-  'The newest state of a track at a moment, not older than another moment.';
 
--- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and partitions
--- of other days are left out when it is asked: in a statement about many events, each partition would cost each time.
+-- Where a track was at the stamp of one of its states; null where it has none then. Its plan is made once, and
+-- partitions of other days are left out when it is asked: in a statement about many events, each partition would cost
+-- each time.
 create or replace function semap.place_at(p_track_id bigint, p_stamp timestamptz) returns public.geometry
 language plpgsql stable parallel safe strict security definer
 set search_path = pg_catalog, pg_temp set plan_cache_mode = force_generic_plan as $$
@@ -84,8 +82,6 @@ begin
       and s.from_stamp > p_stamp - interval '30 min' and s.from_stamp <= p_stamp and s.to_stamp >= p_stamp
     limit 1);
 end $$;
-comment on function semap.place_at is
-  'Where a track was at the stamp of one of its states; null where it has none then.';
 
 -- The stamp of the first state of any track of a map.
 create or replace function semap.first_state_of_map(p_map_id integer) returns timestamptz
@@ -94,8 +90,6 @@ language sql stable parallel safe security definer set search_path = pg_catalog,
   where map_id = p_map_id
     and ((select semap.visible_maps() is null) or p_map_id = any ((select semap.visible_maps())::integer[]))
 $$;
-comment on function semap.first_state_of_map is
-  'The stamp of the first state of any track of a map.';
 
 do $$
 declare

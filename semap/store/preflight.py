@@ -168,7 +168,7 @@ def _slot(server: Server) -> Iterator[Finding]:
         yield (
             f"a free replication slot (all {server.slots} are taken)",
             f"ALTER SYSTEM SET max_replication_slots = {server.slots + 8}; and restart the server, "
-            "or drop a slot that nobody reads.",
+            "or drop an unread slot.",
         )
     if server.wal_senders == 0:
         yield (

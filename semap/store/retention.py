@@ -108,7 +108,7 @@ def _check(kept: Retention) -> None:
     if kept.pack_after is not None and kept.drop_after is not None and kept.drop_after <= kept.pack_after:
         raise InvalidInput(
             "states would be dropped before they are packed",
-            "Pack them earlier, drop them later, or say never to one of the two.",
+            "Pack them earlier, drop them later, or set one of the two to never.",
             kept.kind,
         )
 

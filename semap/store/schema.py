@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,10 +21,12 @@ from sqlalchemy import Connection, text
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
 from semap.store.database import connect, one_transaction, translated
+from semap.store.object_comment import comment_statements
 
 log = logging.getLogger(__name__)
 
 MIGRATION_LOCK = 7366
+FORGET = "000_forget.sql"
 LOCK_S = 2.0
 """So long a migration waits for a table that is in use: whoever wants it after that waits as long."""
 PAUSE_S = 1.0
@@ -46,7 +49,7 @@ class Migrated:
 
 
 def schema_folder(name: str) -> Path:
-    """Where `sql` or `migrations` lies: inside the installed package, or at the top of a checkout."""
+    """Where `sql`, `migrations` or a folder of it lies: in the installed package or the checkout."""
     package = Path(semap.__file__).parent
     for folder in (package / "schema" / name, package.parent / name):
         if folder.is_dir():
@@ -142,6 +145,9 @@ def _upgrade(connection: Connection) -> str | None:
             f"The database has schema version {before}, which semap {semap.__version__} does not know.",
             "Install the version of semap that migrated it, or a newer one.",
         )
+    if before is not None and before != head_version():
+        # else views and functions hold the tables that a migration changes
+        connection.connection.cursor().execute((schema_folder("sql") / FORGET).read_text())
     config = Config()
     config.set_main_option("script_location", str(schema_folder("migrations")))
     config.attributes["connection"] = connection
@@ -149,12 +155,25 @@ def _upgrade(connection: Connection) -> str | None:
     return before
 
 
-def _behaviour_files() -> list[Path]:
-    return sorted(schema_folder("sql").glob("*.sql"))
+def migration_texts() -> Iterator[str]:
+    """The SQL of all migrations in their order: of versions/0001_baseline.py that of the folder baseline/."""
+    for version in sorted(schema_folder("migrations").glob("versions/[0-9]*.py")):
+        for file in sorted(schema_folder(f"migrations/{version.stem[5:]}").glob("*.sql")):
+            yield file.read_text()
+
+
+def run_files(connection: Connection, folder: str) -> None:
+    """Run the SQL of a folder, in the order of its files' names, and make comments of the sentences in it."""
+    cursor = connection.connection.cursor()
+    for file in sorted(schema_folder(folder).glob("*.sql")):
+        sql = file.read_text()
+        cursor.execute(f"{sql}\n{comment_statements(sql)}")
 
 
 def _checksum() -> str:
-    parts = [file.name.encode() + b"\0" + file.read_bytes() for file in _behaviour_files()]
+    parts = [
+        file.name.encode() + b"\0" + file.read_bytes() for file in sorted(schema_folder("sql").glob("*.sql"))
+    ]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
@@ -162,9 +181,7 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
     """Apply sql/ where it differs, and after a migration, whose tables want their grants."""
     if not again and connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
-    cursor = connection.connection.cursor()
-    for file in _behaviour_files():
-        cursor.execute(file.read_text())
+    run_files(connection, "sql")
     connection.execute(text("delete from semap.behaviour"))
     connection.execute(
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}

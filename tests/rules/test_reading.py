@@ -319,7 +319,7 @@ def test_where_escapes_hide_a_column_the_character_of_the_text_is_given() -> Non
         ("name: 'r", "line 1, column 9", "not YAML"),
         ("? [a]\n: b", "line 1, column 3", "a key that is no word"),
         ("name: r\n---\nname: s", "line 2, column 1", "more than one document"),
-        ("", "", "the text says nothing"),
+        ("", "", "the text is empty"),
         ("name: \0", "", "not YAML"),
         ("x" * 200_001, "", "more than 200000 characters"),
         ("[name, r]", "line 1, column 1", "a rule is a mapping of clauses"),

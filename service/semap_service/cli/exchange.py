@@ -37,7 +37,7 @@ def import_file(
     ],
     name: Annotated[
         str | None,
-        typer.Option("--map", help="The map to import into. [default: what the file says, or its name]"),
+        typer.Option("--map", help="Map to import into. [default: named in the file, else as the file]"),
     ] = None,
     crs: Annotated[
         Coordinates | None,
@@ -50,7 +50,7 @@ def import_file(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Bring in a building or a whole map. All of it or nothing: a bad file changes nothing.
+    """Import a building or a whole map, all or nothing: a bad file changes nothing.
 
     A building goes into the map of the name, which is made if there is none. A map from YAML becomes a new
     map. A small one, written by hand:
@@ -62,7 +62,7 @@ def import_file(
     import tempfile  # noqa: PLC0415
 
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
-    from semap_service.map_file import bring_in, read_file  # noqa: PLC0415
+    from semap_service.exchange.map_file import bring_in, read_file  # noqa: PLC0415
 
     with (
         progress_bar("objects read", quiet=as_json) as advance,
@@ -127,7 +127,7 @@ def export_file(
             import json  # noqa: PLC0415
 
             from semap.store.map_export import placed_instances  # noqa: PLC0415
-            from semap_service.placed_geojson import placed_geojson  # noqa: PLC0415
+            from semap_service.exchange.placed_geojson import placed_geojson  # noqa: PLC0415
 
             placed = placed_instances(connection, map_name)
             document = placed_geojson(connection, map_name, placed, crs)

@@ -136,7 +136,7 @@ def add(
     backfill: Backfill = None,
     dsn: Dsn = None,
 ) -> None:
-    """Add a rule. It is in force from its place in the log on, and with --backfill for the past, too.
+    """Add a rule. It applies to new rows, and with --backfill to stored ones, too.
 
     For example, both edges of a query in one declaration:
 
@@ -145,7 +145,7 @@ def add(
         emit: {began: came, ended: went}
     """
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
 
     declaration = declaration_in(file)
     since = None if backfill is None else backfill_stamp(backfill)
@@ -170,9 +170,9 @@ def replace(
     backfill: Backfill = None,
     dsn: Dsn = None,
 ) -> None:
-    """Let a rule declare something else, as its next version; what it gathered for the former is dropped."""
+    """Replace the declaration of a rule by a new version; the state of the former one is dropped."""
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import backfill_stamp, replace_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import backfill_stamp, replace_rule  # noqa: PLC0415
 
     since = None if backfill is None else backfill_stamp(backfill)
     with _editing(dsn) as connection:
@@ -182,19 +182,19 @@ def replace(
 
 
 def enable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
-    """Let a rule make events again, from now on."""
+    """Enable a rule: it makes events from now on."""
     _enable(rule, map_name, True, dsn)
 
 
 def disable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
-    """Let a rule make no events."""
+    """Disable a rule: it makes no events."""
     _enable(rule, map_name, False, dsn)
 
 
 def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Delete a rule that no other reads; the events that it made stay."""
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import delete_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import delete_rule  # noqa: PLC0415
 
     with _editing(dsn) as connection:
         known = find_rule(connection, rule, map_name)
@@ -203,7 +203,7 @@ def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
 
 
 def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """Count the rows that came after the rules had gone on, by map and input."""
+    """Count late rows, which came behind the watermark, by map and input."""
     from semap.store.late_rows import count_late_rows  # noqa: PLC0415
 
     with _reading(dsn) as connection:

@@ -6,7 +6,8 @@ from http import HTTPStatus
 from typing import Any
 
 from semap.errors import InvalidInput, SemapError
-from semap_service.problem import STATUS, TYPE, Place, Problem
+from semap_service.documents.problem import Place, Problem
+from semap_service.http.problem import STATUS, TYPE
 
 
 def problem_of(error: SemapError, job_id: int) -> dict[str, Any]:
@@ -43,7 +44,7 @@ def unexpected(job_id: int) -> dict[str, Any]:
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "internal",
         "Something went wrong inside semap.",
-        "The log of the service says what; please report it.",
+        "The log of the service has the error; please report it.",
     )
 
 
@@ -52,7 +53,7 @@ def stopped(job_id: int) -> dict[str, Any]:
         job_id,
         HTTPStatus.SERVICE_UNAVAILABLE,
         "job-lost",
-        "The service was stopped before the job was done; nothing of it was brought in.",
+        "The service was stopped before the job was done; nothing was imported.",
         "Send the file again.",
     )
 
@@ -64,7 +65,7 @@ def died(job_id: int, status: int) -> dict[str, Any]:
         job_id,
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "job-lost",
-        f"The job's process {how} before it was done; nothing of it was brought in.",
+        f"The job's process {how} before it was done; nothing was imported.",
         "Send the file again; where that does not help it is too large for the memory, or damaged.",
     )
 

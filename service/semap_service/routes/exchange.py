@@ -23,17 +23,17 @@ from semap.formats.gltf import write_gltf
 from semap.store.database import see_one_state
 from semap.store.map_export import export_map, placed_instances
 from semap.store.maps import get_map
-from semap_service.archive import pack
-from semap_service.crs import Crs
-from semap_service.document import Name
-from semap_service.file_name import file_name
-from semap_service.instance_file import InstanceImportDocument, write_instances
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import Name
+from semap_service.documents.file_import import ImportDocument, InstanceImportDocument, import_document
+from semap_service.exchange.crs import Crs
+from semap_service.exchange.file_name import file_name
+from semap_service.exchange.instance_file import write_instances
+from semap_service.exchange.map_file import bring_in, read_file
+from semap_service.exchange.placed_geojson import placed_geojson
+from semap_service.exchange.zip_archive import pack
+from semap_service.http.problem import problems
 from semap_service.jobs.acceptance import Later, or_later
-from semap_service.map_file import bring_in, read_file
-from semap_service.placed_geojson import placed_geojson
-from semap_service.problem import problems
-from semap_service.routes.import_document import ImportDocument, import_document
-from semap_service.transaction import Database, Write, transaction
 
 router = APIRouter(tags=["maps"])
 
@@ -68,11 +68,13 @@ def import_file(
     response: Response,
     name: Annotated[
         Name | None,
-        Query(pattern=r"^[^/\x00]*$", description="Of the map. [default: what the file says, or its name]"),
+        Query(
+            pattern=r"^[^/\x00]*$", description="Of the map. [default: named in the file, else as the file]"
+        ),
     ] = None,
     crs: Annotated[
         Coordinates | None,
-        Query(description="What the coordinates of GeoJSON are. [default: as the file shows]"),
+        Query(description="The unit of GeoJSON's coordinates. [default: found from the file]"),
     ] = None,
 ) -> ImportDocument | Response:
     """Bring in a map or a building, all of it or nothing.
@@ -137,7 +139,7 @@ def export(
         ExportFormat,
         Query(
             description="yaml: the whole map without loss, a zip of map.yaml and meshes; "
-            "glb: what it looks like; geojson: its outlines."
+            "glb: its meshes; geojson: its outlines."
         ),
     ] = "yaml",
     crs: Crs = None,

@@ -11,11 +11,12 @@ from starlette.requests import Request
 
 from semap import __version__
 from semap.store.schema import head_version
-from semap_service.access.caller import SYSTEM, acting_as
-from semap_service.document import Document
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.transaction import transaction
+from semap_service.documents.document import Document
+from semap_service.documents.problem import Place
+from semap_service.http.problem import RETRY_S, problem_response, problems
 from semap_service.operations.readiness import lacks, read_state
-from semap_service.problem import RETRY_S, Place, problem_response, problems
-from semap_service.transaction import transaction
 
 router = APIRouter(tags=["service"])
 
@@ -28,7 +29,7 @@ class WorkerHealth(Document):
     running: bool = Field(description="Whether a worker reads the log and is at work.")
     lag_bytes: int = Field(description="How much of the log it has not confirmed.")
     silent_s: float | None = Field(
-        description="Since it last said that it is at work, which it does each five seconds; null: never yet."
+        description="Since its last heartbeat, one each five seconds; null: none yet."
     )
 
 
@@ -76,11 +77,10 @@ def get_health(request: Request) -> Health:
 
 @router.get("/ready", operation_id="get_ready", response_model=Ready, responses=problems())
 def get_ready(request: Request) -> Ready | Response:
-    """Whether the service does all of its work; else 503, with what is missing in `errors`.
-
-    The database answers, its schema is this semap's, new events are pushed, and a rule worker makes them: it
-    reads the log, and has said within half a minute that it is at work. Where it has not, what the database
-    says when it is to write is told, too.
+    """Readiness: whether all parts of the service work; else 503, with the missing parts in `errors`.
+    The database answers, its schema has this version, new events are pushed, and a rule worker makes them: it
+    reads the log, and sent a heartbeat within half a minute. If it did not, the response includes the error
+    of the database, if it cannot write.
     """
     with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
         missing = lacks(connection, request.app.state.feed.connected)

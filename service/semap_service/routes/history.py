@@ -9,10 +9,10 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.store import history
-from semap_service.document import LARGEST_ID, Document, Id, Limit, Stamp
-from semap_service.etag import TaggedRoute, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Write, transaction
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import LARGEST_ID, Document, Id, Limit, Stamp
+from semap_service.http.etag import TaggedRoute, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["history"], route_class=TaggedRoute)
 
@@ -34,9 +34,9 @@ class ChangeList(Document):
 
 
 class RowChangeDocument(Document):
-    """What was made, changed or deleted."""
+    """A row that was made, changed or deleted."""
 
-    table: str = Field(description="What kind of thing.", examples=["instance"])
+    table: str = Field(description="The kind of row.", examples=["instance"])
     name: str = Field(description="Its name, or its key where it has none.", examples=["Room07"])
     action: Literal["made", "changed", "deleted"]
 

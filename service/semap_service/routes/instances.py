@@ -14,29 +14,39 @@ from semap.model.building import Mesh
 from semap.store import history, instance_links, instances
 from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
 from semap.store.maps import get_map
-from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, FewValues, Id, InStamp, Limit, MapFilter, Name, Request, next_after
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.jobs.acceptance import Later, or_later
-from semap_service.mesh_upload import Unit, UpAxis, read_upload
-from semap_service.problem import problems
-from semap_service.routes.instance_document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
+    After,
+    FewValues,
+    Id,
+    InStamp,
+    Limit,
+    MapFilter,
+    Name,
+    Request,
+    next_after,
+)
+from semap_service.documents.instance import (
     InstanceChanges,
     InstanceDocument,
     InstanceList,
+    InstanceSummary,
     NewInstance,
     PastInstanceDocument,
     detail,
     past_detail,
     past_summary,
-    summary,
 )
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.exchange.crs import Crs, footprint_in
+from semap_service.exchange.mesh_upload import Unit, UpAxis, read_upload
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
+from semap_service.jobs.acceptance import Later, or_later
 
 router = APIRouter(tags=["instances"], route_class=TaggedRoute)
 
 MESH = (
-    "A mesh in the instance's own frame, in the format that the ending of the file's name says. "
+    "A mesh in the instance's own frame, in the format of the file's ending. "
     "Without textures; at most 64 MiB."
 )
 AsOf = Annotated[InStamp | None, Query(description="As it was at this time (RFC 3339). [default: now]")]
@@ -56,7 +66,7 @@ def list_instances(
     limit: Limit = 100,
     after: After = 0,
 ) -> InstanceList:
-    """What is on the maps, in the order of ids. With `as_of`: what was on one map at a time."""
+    """The instances of the maps, in the order of ids. With `as_of`: those of one map at a time."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
@@ -74,7 +84,7 @@ def list_instances(
             connection, map_name=map_name, concept_name=concept, name=name, after=after, limit=limit
         )
     return InstanceList(
-        instances=[summary(each) for each in found],
+        instances=[InstanceSummary.model_validate(each) for each in found],
         next=next_after([each.instance_id for each in found], limit),
     )
 
@@ -132,7 +142,7 @@ def get(
 def change(edit: Edit, id: Id, changes: InstanceChanges) -> InstanceDocument:  # noqa: A002
     """Change an instance. Its footprint follows its pose, and relations follow its footprint.
 
-    In this order: what it looks like, what carries it, then all else.
+    In this order: its description, its frame, then all else.
     """
     wanted = changes.changes()
     with edit.begin(lambda connection: _read(connection, id)) as connection:

@@ -13,7 +13,8 @@ from semap.store import relations
 from semap.store.maps import get_map
 from semap.store.probability import probabilities
 from semap.store.tracks import get_track
-from semap_service.document import (
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     LARGEST_SMALL_ID,
     Document,
@@ -24,8 +25,7 @@ from semap_service.document import (
     Name,
     Stamp,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["relations"])
 
@@ -50,7 +50,7 @@ class RelationDocument(Document):
     until: Stamp | None = Field(description="null while it holds.")
     duration_s: float | None = Field(description="How long it held; null while it holds.", examples=[12.5])
     probability: float | None = Field(
-        description="How probable it is by the track's present position; null where the query asks for no"
+        description="The probability by the track's present position; null where the query asks for no"
         " certainty.",
         examples=[0.97],
     )
@@ -86,7 +86,7 @@ def list_relations(
     limit: Limit = 100,
     after: RelationAfter = "0-0-0",
 ) -> RelationList:
-    """Who is where now, by name; with `as_of`: who was where at a time, since when and how long."""
+    """The current relations, by name; with `as_of` those at a time, with beginning and duration."""
     wanted = relations.Wanted(map_name, query, track=track, instance=room)
     with transaction(database) as connection:
         if map_name is not None:

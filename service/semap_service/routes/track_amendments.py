@@ -9,17 +9,27 @@ from pydantic import Field
 
 from semap.store import track_amendments
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
+    After,
+    Document,
+    Limit,
+    MapFilter,
+    Name,
+    Next,
+    Stamp,
+    next_after,
+    stored,
+)
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["tracks"])
 
 
 class TrackAmendmentDocument(Document):
-    """What a tracker found that it had mistaken of two of its tracks."""
+    """A correction of two tracks by their tracker."""
 
-    id: int = Field(description="In the order of arrival.")
+    id: int = stored("track_amendment_id", description="In the order of arrival.")
     map: str = Field(examples=["office"])
     source: str = Field(examples=["robot/persons"])
     kind: Literal["merged", "switched"] = Field(
@@ -31,7 +41,7 @@ class TrackAmendmentDocument(Document):
     other_track_id: int
     other_track: str = Field(examples=["person 4"])
     since: Stamp = Field(description="From when on.")
-    found: Stamp = Field(description="The stamp of the record that told.")
+    found: Stamp = Field(description="The stamp of the record that revealed it.")
 
 
 class TrackAmendmentList(Document):
@@ -47,10 +57,9 @@ def list_track_amendments(
     limit: Limit = 100,
     after: After = 0,
 ) -> TrackAmendmentList:
-    """Which tracks were found out to be one person, or to have changed persons.
-
-    Tracks, relations and events stay as they were told: who counts persons takes these into account. New ones
-    have larger ids than all that were listed before.
+    """Tracks that turned out to be one person, or that swapped persons.
+    Tracks, relations and events stay as logged: take these into account when you count persons. New ones
+    have larger ids than all earlier ones.
     """
     with transaction(database) as connection:
         if map_name is not None:
@@ -59,11 +68,6 @@ def list_track_amendments(
             connection, map_name=map_name, track_name=track, after=after, limit=limit
         )
     return TrackAmendmentList(
-        track_amendments=[_document(each) for each in found],
+        track_amendments=[TrackAmendmentDocument.model_validate(each) for each in found],
         next=next_after([each.track_amendment_id for each in found], limit),
     )
-
-
-def _document(amendment: track_amendments.TrackAmendment) -> TrackAmendmentDocument:
-    values = {name: getattr(amendment, name) for name in TrackAmendmentDocument.model_fields if name != "id"}
-    return TrackAmendmentDocument(id=amendment.track_amendment_id, **values)

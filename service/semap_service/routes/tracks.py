@@ -12,7 +12,8 @@ from sqlalchemy import Connection
 from semap.store import track_history, tracks
 from semap.store.maps import get_map
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     After,
     Document,
     Id,
@@ -21,14 +22,14 @@ from semap_service.document import (
     MapFilter,
     Name,
     Next,
+    OfShape,
     PolygonDocument,
     Request,
     Stamp,
-    area_document,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 
@@ -53,7 +54,7 @@ class TrackStateDocument(Document):
     width_m: float | None
     std_across_m: float | None = STD_ACROSS
     std_yaw_rad: float | None = STD_YAW
-    footprint: PolygonDocument | None = Field(
+    footprint: Annotated[PolygonDocument | None, OfShape] = Field(
         description="The ground that it covers; null where its extent is not known."
     )
 
@@ -64,9 +65,9 @@ Attributes = Annotated[
 
 
 class TrackChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
-    concept: Name | None = Field(None, description="What kind of thing it is; null: that is not known.")
+    concept: Name | None = Field(None, description="Its concept; null: unknown.")
     attributes: Attributes | None = Field(None, description="Replaces all attributes.")
 
     @model_validator(mode="after")
@@ -79,14 +80,14 @@ class TrackChanges(Request):
 class TrackDocument(Document):
     """Someone or something that a source follows."""
 
-    id: int
+    id: int = stored("track_id")
     uid: UUID
     map: str = Field(examples=["office"])
     source: str = Field(examples=["lidar"])
     name: str = Field(examples=["person 3"])
     live: bool = Field(description="False until it is seen, and after its end.")
     ended_at: Stamp | None
-    concept: str | None = Field(description="What kind of thing it is; null: that was not said.")
+    concept: str | None = Field(description="Its concept; null: not set.")
     attributes: Attributes
     state: TrackStateDocument | None = Field(description="null until it is seen.")
 
@@ -131,7 +132,7 @@ def list_tracks(
     limit: Limit = 100,
     after: After = 0,
 ) -> TrackList:
-    """Who is followed, and where they are now."""
+    """The live tracks, with their positions."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
@@ -139,7 +140,8 @@ def list_tracks(
             connection, map_name=map_name, name=name, live=live, after=after, limit=limit
         )
     return TrackList(
-        tracks=[_document(each) for each in found], next=next_after([each.track_id for each in found], limit)
+        tracks=[TrackDocument.model_validate(each) for each in found],
+        next=next_after([each.track_id for each in found], limit),
     )
 
 
@@ -152,7 +154,7 @@ def get_track(database: Database, id: Id) -> TrackDocument:  # noqa: A002
 
 @router.patch("/tracks/{id}", operation_id="describe_track", responses=edits(404))
 def describe_track(edit: Edit, id: Id, changes: TrackChanges) -> TrackDocument:  # noqa: A002
-    """Say what kind of thing a track is. Queries are about it, or no longer, from now on: cause `map`.
+    """Set concept and attributes of a track. Queries select it by them from now on, with the cause `map`.
 
     With If-Match it is refused if the track has moved since it was read.
     """
@@ -160,7 +162,7 @@ def describe_track(edit: Edit, id: Id, changes: TrackChanges) -> TrackDocument: 
         known = tracks.get_track(connection, id)
         concept = changes.concept if "concept" in changes.model_fields_set else known.concept
         attributes = known.attributes if changes.attributes is None else changes.attributes
-        return _document(tracks.describe_track(connection, id, concept, attributes))
+        return TrackDocument.model_validate(tracks.describe_track(connection, id, concept, attributes))
 
 
 @router.get("/tracks/{id}/history", operation_id="get_track_history", responses=reads(404))
@@ -191,25 +193,4 @@ def get_track_history(
 
 
 def _read(connection: Connection, track_id: int) -> TrackDocument:
-    return _document(tracks.get_track(connection, track_id))
-
-
-def _document(track: tracks.Track) -> TrackDocument:
-    return TrackDocument(
-        id=track.track_id,
-        uid=track.uid,
-        map=track.map,
-        source=track.source,
-        name=track.name,
-        live=track.live,
-        ended_at=track.ended_at,
-        concept=track.concept,
-        attributes=dict(track.attributes),
-        state=None if track.state is None else _state_document(track.state),
-    )
-
-
-def _state_document(state: tracks.TrackState) -> TrackStateDocument:
-    values = {name: getattr(state, name) for name in TrackStateDocument.model_fields}
-    footprint = None if state.footprint is None else area_document(state.footprint)
-    return TrackStateDocument.model_validate({**values, "footprint": footprint})
+    return TrackDocument.model_validate(tracks.get_track(connection, track_id))

@@ -17,8 +17,10 @@ from semap.errors import NotFound
 from semap.store import webhooks
 from semap.store.maps import get_map
 from semap.store.webhook_delivery import Line, read_line
-from semap_service.access.caller import current_caller
-from semap_service.document import (
+from semap_service.context.caller import current_caller
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     After,
     Document,
@@ -30,13 +32,12 @@ from semap_service.document import (
     SmallId,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.feed import Selection
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 from semap_service.webhooks.address import LONGEST_URL, require_url
-from semap_service.webhooks.deliverer import Deliverer
+from semap_service.webhooks.delivery import Deliverer
 from semap_service.webhooks.signature import new_secret, shown
 
 router = APIRouter(tags=["webhooks"], route_class=TaggedRoute)
@@ -84,7 +85,8 @@ class NewWebhook(Request):
 
 
 class WebhookChanges(Request):
-    """What to change; what is left out stays. Each change but that of the description lets it try at once."""
+    """The changes; omitted members stay unchanged. Each change except of the description causes an attempt at
+    once."""
 
     url: Url | None = None
     description: Description | None = None
@@ -93,7 +95,7 @@ class WebhookChanges(Request):
     rule: Name | None = None
     filter: Filter = None
     state: Literal["active", "paused"] | None = Field(
-        None, description="paused: what happens meanwhile is sent when it is active again."
+        None, description="paused: events of the meantime are sent when it is active again."
     )
 
     @model_validator(mode="after")
@@ -107,15 +109,15 @@ class WebhookChanges(Request):
 class WebhookDocument(Document):
     """Where which events are sent, and how that goes."""
 
-    id: int
+    id: int = stored("webhook_id")
     url: str
     description: str
     maps: list[str] | None
-    type: str | None
-    rule: str | None
+    type: str | None = stored("event_type")
+    rule: str | None = stored("rule_name")
     filter: str | None
     state: Literal["active", "paused", "disabled"] = Field(
-        description="disabled: by semap, for `state_reason`, until somebody makes it active again."
+        description="disabled: by semap, for `state_reason`, until it is made active again."
     )
     state_reason: str
     cursor: int = Field(description="The number of the last event that is done with.")
@@ -123,8 +125,8 @@ class WebhookDocument(Document):
     next_attempt_at: Stamp | None = Field(
         description="When it is tried again; null: as soon as there is one."
     )
-    delivered: int = Field(description="Events that the receiver took.")
-    failed: int = Field(description="Attempts that it did not take.")
+    delivered: int = stored("delivered_count", description="Events that the receiver took.")
+    failed: int = stored("failed_count", description="Attempts that it did not take.")
     dead_letters: int = Field(description="Events that were given up and can be sent again.")
     last_delivered_at: Stamp | None
     last_error: str
@@ -134,7 +136,7 @@ class WebhookDocument(Document):
 
 
 class WebhookWithSecret(WebhookDocument):
-    """A webhook as it is told once."""
+    """A webhook with its secret, shown only once."""
 
     secret: str = Field(description="Verifies messages (Standard Webhooks). It is not shown again.")
 
@@ -158,7 +160,7 @@ class SecretDocument(Document):
 
 
 class PingDocument(Document):
-    """What came of a message that only tries the way."""
+    """The outcome of a test message."""
 
     message_id: str
     taken: bool = Field(description="Whether the receiver answered with a status of 200 to 299.")
@@ -176,7 +178,7 @@ class DeadLetterDocument(Document):
     map: str
     type: str
     attempts: int
-    error: str = Field(description="What came of the last attempt.")
+    error: str = Field(description="The outcome of the last attempt.")
     status: int | None
     given_up_at: Stamp
     resend_requested_at: Stamp | None = Field(description="null: it is not to be sent again, as yet.")
@@ -197,7 +199,7 @@ def list_webhooks(database: Database, limit: Limit = 100, after: After = 0) -> W
     with transaction(database) as connection:
         found = webhooks.list_webhooks(connection, after=after, limit=limit)
     return WebhookList(
-        webhooks=[_document(each) for each in found],
+        webhooks=[WebhookDocument.model_validate(each) for each in found],
         next=next_after([each.webhook_id for each in found], limit),
     )
 
@@ -217,14 +219,14 @@ def create(
         made = webhooks.get_webhook(connection, id_)
     _deliverer(request).wake_soon()
     response.headers["Location"] = f"/webhooks/{id_}"
-    return WebhookWithSecret(**_fields(made), secret=shown(secret))
+    return WebhookWithSecret(**dict(WebhookDocument.model_validate(made)), secret=shown(secret))
 
 
 @router.get("/webhooks/{id}", operation_id="get_webhook", responses=reads(404))
 def get(database: Database, id: SmallId) -> WebhookDocument:  # noqa: A002
     """A webhook, and how its deliveries go. Its ETag changes with each of them."""
     with transaction(database) as connection:
-        return _document(webhooks.get_webhook(connection, id))
+        return WebhookDocument.model_validate(webhooks.get_webhook(connection, id))
 
 
 @router.patch("/webhooks/{id}", operation_id="change_webhook", responses=edits(404))
@@ -236,14 +238,14 @@ def change(
 ) -> WebhookDocument:
     """Change a webhook, pause it, or make it active again.
 
-    If-Match also names how its deliveries go: what is sent meanwhile makes it another state.
+    The ETag includes the state of its deliveries: a delivery meanwhile changes it.
     """
     values = changes.model_dump(exclude_unset=True)
     with edit.begin(lambda connection: _held(connection, id)) as connection:
         webhooks.change_webhook(connection, id, _columns(request, connection, values))
         changed = webhooks.get_webhook(connection, id)
     _deliverer(request).wake_soon()
-    return _document(changed)
+    return WebhookDocument.model_validate(changed)
 
 
 @router.delete("/webhooks/{id}", operation_id="delete_webhook", status_code=204, responses=edits(404))
@@ -265,7 +267,7 @@ def rotate_secret(database: Database, id: SmallId, new: NewSecret) -> SecretDocu
 
 @router.post("/webhooks/{id}/ping", operation_id="ping_webhook", responses=problems(404))
 async def ping(request: HttpRequest, database: Database, id: SmallId) -> PingDocument:  # noqa: A002
-    """Send a message of the type org.semap.ping once, and say what came of it."""
+    """Send one message of the type org.semap.ping, and return the outcome."""
     line = await asyncio.to_thread(_line, database, id)
     message_id, answer = await _deliverer(request).ping(line)
     return PingDocument(
@@ -302,7 +304,7 @@ def list_dead_letters(
     responses=problems(404),
 )
 def resend_all(request: HttpRequest, database: Database, id: SmallId) -> ResendDocument:  # noqa: A002
-    """Send all of them again, the oldest first, until one is not taken. What is taken leaves the list."""
+    """Send all of them again, the oldest first, until one fails. Accepted ones leave the list."""
     with transaction(database) as connection:
         asked = webhooks.ask_resend(connection, id)
     _deliverer(request).wake_soon()
@@ -369,33 +371,4 @@ def _deliverer(request: HttpRequest) -> Deliverer:
 def _held(connection: Connection, webhook_id: int) -> WebhookDocument:
     """It as it stays until the transaction ends, also for the deliverer, which takes no other lock."""
     webhooks.hold_webhook(connection, webhook_id)
-    return _document(webhooks.get_webhook(connection, webhook_id))
-
-
-def _document(found: webhooks.Webhook) -> WebhookDocument:
-    return WebhookDocument(**_fields(found))
-
-
-def _fields(found: webhooks.Webhook) -> dict[str, Any]:
-    return {
-        "id": found.webhook_id,
-        "url": found.url,
-        "description": found.description,
-        "maps": None if found.maps is None else list(found.maps),
-        "type": found.event_type,
-        "rule": found.rule_name,
-        "filter": found.filter,
-        "state": found.state,
-        "state_reason": found.state_reason,
-        "cursor": found.cursor,
-        "attempts": found.attempts,
-        "next_attempt_at": found.next_attempt_at,
-        "delivered": found.delivered_count,
-        "failed": found.failed_count,
-        "dead_letters": found.dead_letters,
-        "last_delivered_at": found.last_delivered_at,
-        "last_error": found.last_error,
-        "last_error_at": found.last_error_at,
-        "created_by": found.created_by,
-        "created_at": found.created_at,
-    }
+    return WebhookDocument.model_validate(webhooks.get_webhook(connection, webhook_id))

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 
 from semap.store import whereabouts
-from semap_service.document import Document, Id, InStamp, Limit, PoseDocument, Stamp
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import Document, Id, InStamp, Limit, PoseDocument, Stamp
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["instances"])
 
@@ -109,7 +109,7 @@ def list_relations_of_instance(
     ] = 1,
     limit: Limit = 100,
 ) -> HeldDocument:
-    """What it is in, on, near, what it contains, carries, joins or intersects, and which tracks are in it.
+    """Instances that it is in, on, near, that it contains, carries, joins or intersects, and tracks in it.
 
     Of the thousand instances that are nearest to it. Each operator by itself, over all: /operators.
     """

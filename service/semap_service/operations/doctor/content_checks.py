@@ -120,7 +120,7 @@ def _jobs(connection: psycopg.Connection) -> Iterator[Trouble]:
     ).fetchall()
     if lost:
         yield wrong(
-            f"jobs that nobody runs any more: {listed([job for (job,) in lost])}",
+            f"jobs without a process: {listed([job for (job,) in lost])}",
             "Start semap serve, which marks them as failed; then send the files again.",
         )
         return
@@ -159,7 +159,7 @@ def _tokens(connection: psycopg.Connection) -> Iterator[Trouble]:
 
 
 CONTENT_CHECKS = (
-    DatabaseCheck("shapes", "what is watched has a valid outline", _shapes),
+    DatabaseCheck("shapes", "instances of queries have valid outlines", _shapes),
     DatabaseCheck("partitions", "states lie in the partition of their day", _partitions),
     DatabaseCheck("webhooks", "webhooks take what they are sent", _webhooks),
     DatabaseCheck("jobs", "no job is stuck", _jobs),
