@@ -225,35 +225,32 @@ begin
     where p.query_id = any (p_query_ids);
 end $$;
 
--- Compare pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances were edited, or
--- objects of `nearest` went: what pairs are to each other from then on, and what began and ended by it. What appeared now,
--- and (cause `map`) what was edited, is where the boundary says at once. A pair's moment is the later of those of its sides
--- and of what moved (p_at); of two instances it is that of the edit.
-create or replace function semap.follow_moment(
+-- What is seen of pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances were
+-- edited, or objects of `nearest` went. What appeared now, and (cause `map`) what was edited, is where the boundary says at
+-- once. A pair's moment is the later of those of its sides and of what moved (p_at); of two instances it is that of the edit.
+create or replace function semap.observed_pairs(
   p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
-  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
-  inout pairs semap.relation_state[], out changes semap.pair_change[]
+  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause, p_pairs semap.relation_state[]
+) returns table (
+  before semap.relation_state, seen semap.observation, enter_confirm interval, leave_confirm interval, appears boolean
 )
-language plpgsql stable as $$
-declare
-  v_now  timestamptz := clock_timestamp();
-begin
+language sql stable as $$
   with place as materialized (
     select p.* from unnest(p_moved) p union all select p.* from unnest(p_others) p
   ), candidate as materialized (
     select distinct c.query_id, c.subject_key, c.object_key, c.is_nearest
-    from semap.pair_candidates(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, pairs) c
+    from semap.pair_candidates(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) c
   ), compared as materialized (
     select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm, w.appears,
            w.appears or p_cause = 'map' as is_fresh, r.distance_m,
            coalesce(p, semap.no_relation(c.query_id, c.subject_key, c.object_key)) as before,
-           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), p.since, p.pending_at, p.distance_at) as at,
+           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), p.since, p.pending_at, p.distance_at) as at,
            case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,
            case when q.predicate = 'nearest' then c.is_nearest else r.enters end as enters,
            case when q.predicate = 'nearest' then not c.is_nearest else r.leaves end as leaves
     from candidate c
     join semap.continuous_query q on q.query_id = c.query_id
-    left join unnest(pairs) p
+    left join unnest(p_pairs) p
       on p.query_id = c.query_id and p.subject_key = c.subject_key and p.object_key = c.object_key
     left join place s on s.track_id = c.subject_key
     left join place o on o.track_id = c.object_key
@@ -282,20 +279,36 @@ begin
                                 else (before).pending end
                 when (before).pending then not leaves else enters end as raw
     from compared c
-  ), followed as materialized (
-    select o.*, semap.debounce(
-             before, row(at, null, null, raw, raw, not raw, is_fresh, case when is_near then distance_m end)::semap.observation,
-             enter_confirm, leave_confirm) as state
-    from observed o
+  )
+  select before, row(at, null, null, raw, raw, not raw, is_fresh, case when is_near then distance_m end)::semap.observation,
+         enter_confirm, leave_confirm, appears
+  from observed
+$$;
+
+-- Compare pairs at one moment (see semap.observed_pairs): what pairs are to each other from then on, and what began and ended.
+create or replace function semap.follow_moment(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
+  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
+  inout pairs semap.relation_state[], out changes semap.pair_change[]
+)
+language plpgsql stable as $$
+begin
+  with followed as materialized (
+    select o.*, (before).query_id, (before).subject_key, (before).object_key,
+           semap.debounce(before, seen, enter_confirm, leave_confirm) as state
+    from semap.observed_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_appeared, p_at, p_cause, pairs) o
   )
   select array(select p from unnest(pairs) p
                where not exists (select from followed f where f.query_id = p.query_id and f.subject_key = p.subject_key
                                                           and f.object_key = p.object_key)
                union all
-               select f.state from followed f where (f.state).confirmed or (f.state).pending or f.is_near),
+               select f.state from followed f
+               where (f.state).confirmed or (f.state).pending or (f.state).distance_m is not null),
          (select array_agg(row(query_id, subject_key, object_key, case when (state).confirmed then 'began' else 'ended' end,
-                               case when appears and (state).confirmed then 'appeared' else p_cause end, at, (state).pending_at,
-                               case when (state).confirmed then (state).since else least((before).since, (state).pending_at) end,
+                               case when appears and (state).confirmed then 'appeared' else p_cause end,
+                               (seen).at, (state).pending_at,
+                               case when (state).confirmed then (state).since
+                                    else least((before).since, (state).pending_at) end,
                                null, null, null)::semap.pair_change)
           from followed where (state).confirmed <> (before).confirmed)
   into pairs, changes;
