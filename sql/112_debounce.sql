@@ -1,7 +1,7 @@
--- Debounce: what a relation is, given what it was and what is seen of it. It has three signals that may differ for a while:
--- `raw` is that of the boundary itself; `pending` changes only once it is seen deep enough inside (enters) or far enough
--- outside (leaves), and in between stays what it was; `confirmed` is the relation, and follows `pending` once that has
--- lasted.
+-- Debounce: what a relation is, given what it was and what is seen of it. It has three signals that may differ for a
+-- while: `raw` is that of the boundary itself; `pending` changes only once it is seen deep enough inside (enters) or
+-- far enough outside (leaves), and in between stays what it was; `confirmed` is the relation, and follows `pending`
+-- once that has lasted.
 --
 --   seen                               raw      pending            confirmed
 --   fresh (it appears, is edited)      as seen  as raw, since now  as raw
@@ -28,16 +28,16 @@ language sql immutable parallel safe as $$
              null, null, null, null)::semap.relation_state
 $$;
 
--- When a relation that was confirmed, or ended, just now began or ended: where its boundary was crossed last, if that was in the
--- same direction; else where what is confirmed became pending.
+-- When a relation that was confirmed, or ended, just now began or ended: where its boundary was crossed last, if that
+-- was in the same direction; else where what is confirmed became pending.
 create or replace function semap.transition_time(p_state semap.relation_state) returns timestamptz
 language sql immutable parallel safe as $$
   select case when p_state.raw = p_state.confirmed then coalesce(p_state.raw_at, p_state.pending_at)
               else p_state.pending_at end
 $$;
 
--- What a relation is after an observation, which is not before any that made its state. The place is that where the boundary
--- was crossed last; the distance is kept where one is observed.
+-- What a relation is after an observation, which is not before any that made its state. The place is that where the
+-- boundary was crossed last; the distance is kept where one is observed.
 create or replace function semap.debounce(
   p_state semap.relation_state, p_seen semap.observation, p_enter_confirm interval, p_leave_confirm interval
 ) returns semap.relation_state
@@ -62,7 +62,8 @@ begin
       p_state.pending_at := p_seen.at;
     end if;
     if p_state.pending <> p_state.confirmed
-       and p_seen.at >= p_state.pending_at + (case when p_state.pending then p_enter_confirm else p_leave_confirm end) then
+       and p_seen.at >= p_state.pending_at + (case when p_state.pending then p_enter_confirm else p_leave_confirm end)
+         then
       p_state.confirmed := p_state.pending;
       p_state.since := case when p_state.confirmed then semap.transition_time(p_state) end;
     end if;

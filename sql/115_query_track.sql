@@ -1,9 +1,10 @@
--- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on name,
--- source and attributes. It is told when a track is inserted or changed, or the query is.
+-- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on
+-- name, source and attributes. It is told when a track is inserted or changed, or the query is.
 
 -- Both sides of each query, with what they ask for.
 create or replace view semap.query_side as
-  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled
+  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs,
+         q.enabled
   from semap.continuous_query q
   cross join lateral (values
     (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),
@@ -32,7 +33,8 @@ create or replace function semap.choose_tracks(p_query_ids integer[], p_track_id
 language plpgsql as $$
 begin
   delete from semap.query_track s
-  where (p_query_ids is null or s.query_id = any (p_query_ids)) and (p_track_ids is null or s.track_id = any (p_track_ids))
+  where (p_query_ids is null or s.query_id = any (p_query_ids))
+    and (p_track_ids is null or s.track_id = any (p_track_ids))
     and not exists (select from semap.query_track_wanted w
                     where w.query_id = s.query_id and w.is_object = s.is_object and w.track_id = s.track_id);
   insert into semap.query_track (query_id, is_object, track_id, map_id)

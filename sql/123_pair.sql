@@ -1,9 +1,11 @@
 -- Pairs are followed on values: where tracks are, and what pairs were to each other, go in; what they are now, and what
--- began and ended, come out. Nothing is written here, so that the present (sql/147), the past (sql/128) and edits (sql/126)
--- are followed by the same functions. A pair is compared where one of the two moved, appeared, or was edited: with all that
--- may be in reach of it, and with all that it has a state with. A pair has a state while there is something to remember.
+-- began and ended, come out. Nothing is written here, so that the present (sql/147), the past (sql/128) and edits
+-- (sql/126) are followed by the same functions. A pair is compared where one of the two moved, appeared, or was edited:
+-- with all that may be in reach of it, and with all that it has a state with. A pair has a state while there is
+-- something to remember.
 
--- How far two things may be apart for a query about pairs to hold (infinite: any distance), and which kinds they are of.
+-- How far two things may be apart for a query about pairs to hold (infinite: any distance), and which kinds they are
+-- of.
 create or replace view semap.pair_reach as
   select query_id, map_id, predicate, subject_kind, object_kind,
          case when predicate in ('within_distance', 'approaching') then distance_m
@@ -12,8 +14,8 @@ create or replace view semap.pair_reach as
   from semap.continuous_query
   where in_pairs and enabled and predicate not in ('nearest', 'crosses');
 
--- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells are as
--- wide as the query reaches.
+-- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells
+-- are as wide as the query reaches.
 create or replace function semap.tracks_in_reach(
   p_query_id integer, p_reach_m double precision, p_moved semap.track_state[], p_others semap.track_state[]
 ) returns table (query_id integer, subject_key bigint, object_key bigint)
@@ -45,12 +47,13 @@ begin
     cross join unnest(array[-1, 0, 1]) dx cross join unnest(array[-1, 0, 1]) dy
     join celled o on o.cell_x = a.cell_x + dx and o.cell_y = a.cell_y + dy
     where a.is_moved and o.is_object <> a.is_object and o.key <> a.key and not (a.is_object and o.is_moved)
-      and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
+      and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m
+        and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
       and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);
 end $$;
 
--- Pairs of a track and an instance that may be in reach of each other, of which the track moved or the instance was edited;
--- and of two instances, one of which was edited.
+-- Pairs of a track and an instance that may be in reach of each other, of which the track moved or the instance was
+-- edited; and of two instances, one of which was edited.
 create or replace function semap.instances_in_reach(
   p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[]
 ) returns table (query_id integer, subject_key bigint, object_key bigint)
@@ -59,18 +62,21 @@ language plpgsql stable set plan_cache_mode = force_generic_plan as $$
 begin
   -- boxes alone are looked up: of the other conditions none fits an index
   return query
-    select m.query_id, case when m.is_object then -i.instance_id else m.key end, case when m.is_object then m.key else -i.instance_id end
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
     from semap.track_members(p_query_ids, p_moved) m
     join semap.pair_reach r using (query_id)
     cross join lateral (
       select i.instance_id from semap.pair_instance i
-      where i.box &&& semap.pair_box(st_xmin(m.shape) - r.reach_m, st_ymin(m.shape) - r.reach_m, st_xmax(m.shape) + r.reach_m,
+      where i.box &&& semap.pair_box(st_xmin(m.shape) - r.reach_m, st_ymin(m.shape) - r.reach_m,
+                                     st_xmax(m.shape) + r.reach_m,
                                      st_ymax(m.shape) + r.reach_m, m.query_id, not m.is_object)
         and i.query_id is not distinct from m.query_id and i.is_object is distinct from m.is_object
         and st_dwithin(i.shape, m.shape, r.reach_m) offset 0) i
     where 'instance' in (r.subject_kind, r.object_kind) and r.reach_m < 'infinity'
     union all
-    select m.query_id, case when m.is_object then -i.instance_id else m.key end, case when m.is_object then m.key else -i.instance_id end
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
     from semap.track_members(p_query_ids, p_moved) m
     join semap.pair_reach r using (query_id)
     join semap.pair_instance i on i.query_id = m.query_id and i.is_object <> m.is_object
@@ -79,9 +85,11 @@ begin
     return;
   end if;
   return query
-    select m.query_id, case when m.is_object then -i.instance_id else m.key end, case when m.is_object then m.key else -i.instance_id end
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
     from semap.pair_instance i
-    join semap.track_members(p_query_ids, p_moved || p_others) m on m.query_id = i.query_id and m.is_object <> i.is_object
+    join semap.track_members(p_query_ids, p_moved || p_others) m on m.query_id = i.query_id
+      and m.is_object <> i.is_object
     join semap.pair_reach r on r.query_id = i.query_id
     where i.instance_id = any (p_edited_ids)
       and (r.reach_m = 'infinity' or st_dwithin(i.shape, m.shape, r.reach_m))
@@ -93,15 +101,16 @@ begin
     cross join lateral (
       select o.instance_id from semap.pair_instance o
       where (r.reach_m = 'infinity'
-             or o.box &&& semap.pair_box(st_xmin(i.shape) - r.reach_m, st_ymin(i.shape) - r.reach_m, st_xmax(i.shape) + r.reach_m,
+             or o.box &&& semap.pair_box(st_xmin(i.shape) - r.reach_m, st_ymin(i.shape) - r.reach_m,
+                                         st_xmax(i.shape) + r.reach_m,
                                          st_ymax(i.shape) + r.reach_m, i.query_id, not i.is_object)
                 and st_dwithin(o.shape, i.shape, r.reach_m))
         and o.query_id = i.query_id and o.is_object <> i.is_object and o.instance_id <> i.instance_id) o
     where i.instance_id = any (p_edited_ids) and i.query_id = any (p_query_ids);
 end $$;
 
--- The instances of a query that are nearest to a shape, seen from above; of two that are as near, that of the lesser uid.
--- Any few of them say how far away the last one can be at most; those that are no further are looked at.
+-- The instances of a query that are nearest to a shape, seen from above; of two that are as near, that of the lesser
+-- uid. Any few of them say how far away the last one can be at most; those that are no further are looked at.
 create or replace function semap.nearest_instances(
   p_query_id integer, p_key bigint, p_shape public.geometry, p_count integer, p_distance_m double precision
 ) returns setof bigint
@@ -170,7 +179,8 @@ begin
       select m.query_id, m.key, m.shape, k.uid from member m join semap.track k on k.track_id = m.key where m.is_object
     ), ranked as (
       select c.query_id, c.key as subject_key, n.key as object_key
-      from concerned c cross join lateral semap.nearest_instances(c.query_id, c.key, c.shape, c.count, c.distance_m) n (key)
+      from concerned c cross join lateral semap.nearest_instances(c.query_id, c.key, c.shape, c.count,
+                                                                  c.distance_m) n (key)
       where c.object_kind = 'instance'
       union all
       select c.query_id, c.key, n.key
@@ -190,8 +200,8 @@ begin
                       where r.query_id = p.query_id and r.subject_key = p.subject_key and r.object_key = p.object_key);
 end $$;
 
--- Which pairs have to be compared after these tracks moved or instances were edited; is_nearest says of `nearest`, whose
--- pairs depend on third ones, what holds.
+-- Which pairs have to be compared after these tracks moved or instances were edited; is_nearest says of `nearest`,
+-- whose pairs depend on third ones, what holds.
 create or replace function semap.pair_candidates(
   p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
   p_gone_ids integer[], p_pairs semap.relation_state[]
@@ -203,8 +213,10 @@ begin
     select t.*, false
     from semap.pair_reach r cross join lateral semap.tracks_in_reach(r.query_id, r.reach_m, p_moved, p_others) t
     where r.query_id = any (p_query_ids) and r.subject_kind = 'track' and r.object_kind = 'track';
-  if exists (select from semap.pair_reach r where r.query_id = any (p_query_ids) and 'instance' in (r.subject_kind, r.object_kind)) then
-    return query select distinct i.*, false from semap.instances_in_reach(p_query_ids, p_moved, p_others, p_edited_ids) i;
+  if exists (select from semap.pair_reach r where r.query_id = any (p_query_ids)
+             and 'instance' in (r.subject_kind, r.object_kind)) then
+    return query select distinct i.*, false
+      from semap.instances_in_reach(p_query_ids, p_moved, p_others, p_edited_ids) i;
   end if;
   return query
     select n.* from semap.nearest_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) n;
@@ -225,12 +237,14 @@ begin
     where p.query_id = any (p_query_ids);
 end $$;
 
--- What is seen of pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances were
--- edited, or objects of `nearest` went. What appeared now, and (cause `map`) what was edited, is where the boundary says at
--- once. A pair's moment is the later of those of its sides and of what moved (p_at); of two instances it is that of the edit.
+-- What is seen of pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances
+-- were edited, or objects of `nearest` went. What appeared now, and (cause `map`) what was edited, is where the
+-- boundary says at once. A pair's moment is the later of those of its sides and of what moved (p_at); of two instances
+-- it is that of the edit.
 create or replace function semap.observed_pairs(
   p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
-  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause, p_pairs semap.relation_state[]
+  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
+  p_pairs semap.relation_state[]
 ) returns table (
   before semap.relation_state, seen semap.observation, enter_confirm interval, leave_confirm interval, appears boolean
 )
@@ -241,10 +255,12 @@ language sql stable as $$
     select distinct c.query_id, c.subject_key, c.object_key, c.is_nearest
     from semap.pair_candidates(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) c
   ), compared as materialized (
-    select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm, w.appears,
+    select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
+           w.appears,
            w.appears or p_cause = 'map' as is_fresh, r.distance_m,
            coalesce(p, semap.no_relation(c.query_id, c.subject_key, c.object_key)) as before,
-           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), p.since, p.pending_at, p.distance_at) as at,
+           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), p.since, p.pending_at,
+                    p.distance_at) as at,
            case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,
            case when q.predicate = 'nearest' then c.is_nearest else r.enters end as enters,
            case when q.predicate = 'nearest' then not c.is_nearest else r.leaves end as leaves
@@ -254,38 +270,48 @@ language sql stable as $$
       on p.query_id = c.query_id and p.subject_key = c.subject_key and p.object_key = c.object_key
     left join place s on s.track_id = c.subject_key
     left join place o on o.track_id = c.object_key
-    left join semap.pair_instance si on si.instance_id = -c.subject_key and si.query_id = c.query_id and not si.is_object
+    left join semap.pair_instance si on si.instance_id = -c.subject_key and si.query_id = c.query_id
+      and not si.is_object
     left join semap.pair_instance oi on oi.instance_id = -c.object_key and oi.query_id = c.query_id and oi.is_object
     cross join lateral (
       select (c.subject_key = any (p_appeared) or c.object_key = any (p_appeared)) is true as appears) w
     cross join lateral semap.pair_stands(
-      q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, c.subject_key, c.object_key,
+      q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, c.subject_key,
+      c.object_key,
       coalesce(si.place, st_point(s.x_m, s.y_m)),
-      case when si.shape is not null then si.shape when not semap.compares_ground(q.predicate, false) then st_point(s.x_m, s.y_m)
-           else semap.track_shape(q.predicate, false, q.distance_m, s.x_m, s.y_m, s.heading_rad, s.length_m, s.width_m) end,
+      case when si.shape is not null then si.shape when not semap.compares_ground(q.predicate, false)
+        then st_point(s.x_m, s.y_m)
+           else semap.track_shape(q.predicate, false, q.distance_m, s.x_m, s.y_m, s.heading_rad, s.length_m,
+                                  s.width_m) end,
       coalesce(si.z_min_m, s.z_m), coalesce(si.z_max_m, s.z_m), coalesce(si.yaw_rad, s.heading_rad),
       coalesce(oi.place, st_point(o.x_m, o.y_m)),
-      case when oi.shape is not null then oi.shape when not semap.compares_ground(q.predicate, true) then st_point(o.x_m, o.y_m)
-           else semap.track_shape(q.predicate, true, q.distance_m, o.x_m, o.y_m, o.heading_rad, o.length_m, o.width_m) end,
+      case when oi.shape is not null then oi.shape when not semap.compares_ground(q.predicate, true)
+        then st_point(o.x_m, o.y_m)
+           else semap.track_shape(q.predicate, true, q.distance_m, o.x_m, o.y_m, o.heading_rad, o.length_m,
+                                  o.width_m) end,
       coalesce(oi.z_min_m, o.z_m), coalesce(oi.z_max_m, o.z_m)) r
-    where (s.track_id is not null or si.instance_id is not null) and (o.track_id is not null or oi.instance_id is not null)
+    where (s.track_id is not null or si.instance_id is not null)
+      and (o.track_id is not null or oi.instance_id is not null)
   ), observed as (
     -- of `approaching`, side has said so far that the two are near enough
     select c.*, c.predicate = 'approaching' and side as is_near,
            case when is_fresh then side and predicate <> 'approaching'
                 when predicate = 'approaching' then
                   side and case when at > (before).distance_at
-                                then (before).distance_m - distance_m >= speed_mps * extract(epoch from at - (before).distance_at)
+                                then (before).distance_m - distance_m
+                                    >= speed_mps * extract(epoch from at - (before).distance_at)
                                 else (before).pending end
                 when (before).pending then not leaves else enters end as raw
     from compared c
   )
-  select before, row(at, null, null, raw, raw, not raw, is_fresh, case when is_near then distance_m end)::semap.observation,
+  select before, row(at, null, null, raw, raw, not raw, is_fresh,
+                     case when is_near then distance_m end)::semap.observation,
          enter_confirm, leave_confirm, appears
   from observed
 $$;
 
--- Compare pairs at one moment (see semap.observed_pairs): what pairs are to each other from then on, and what began and ended.
+-- Compare pairs at one moment (see semap.observed_pairs): what pairs are to each other from then on, and what began and
+-- ended.
 create or replace function semap.follow_moment(
   p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
   p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
@@ -296,7 +322,8 @@ begin
   with followed as materialized (
     select o.*, (before).query_id, (before).subject_key, (before).object_key,
            semap.debounce(before, seen, enter_confirm, leave_confirm) as state
-    from semap.observed_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_appeared, p_at, p_cause, pairs) o
+    from semap.observed_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_appeared, p_at, p_cause,
+                              pairs) o
   )
   select array(select p from unnest(pairs) p
                where not exists (select from followed f where f.query_id = p.query_id and f.subject_key = p.subject_key
@@ -304,7 +331,8 @@ begin
                union all
                select f.state from followed f
                where (f.state).confirmed or (f.state).pending or (f.state).distance_m is not null),
-         (select array_agg(row(query_id, subject_key, object_key, case when (state).confirmed then 'began' else 'ended' end,
+         (select array_agg(row(query_id, subject_key, object_key,
+                               case when (state).confirmed then 'began' else 'ended' end,
                                case when appears and (state).confirmed then 'appeared' else p_cause end,
                                (seen).at, (state).pending_at,
                                case when (state).confirmed then (state).since
@@ -314,9 +342,9 @@ begin
   into pairs, changes;
 end $$;
 
--- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all, at a
--- moment (null: that of each pair): the pairs that are left, what ended, and the queries whose nearest ones have to be looked
--- up without them.
+-- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all,
+-- at a moment (null: that of each pair): the pairs that are left, what ended, and the queries whose nearest ones have
+-- to be looked up without them.
 create or replace function semap.part_pairs(
   p_query_ids integer[], p_subject_keys bigint[], p_object_keys bigint[], p_places semap.track_state[],
   p_at timestamptz, p_cause semap.change_cause, inout pairs semap.relation_state[], out changes semap.pair_change[]
@@ -342,9 +370,9 @@ begin
   into pairs, changes;
 end $$;
 
--- Follow tracks from where they are (p_places) through these states, in the order of their stamps, in all pairs of these
--- queries: where they are then, what pairs are to each other, and what began and ended. At each moment all are where they are
--- before any two are compared. A state without a place says only that its track has ended.
+-- Follow tracks from where they are (p_places) through these states, in the order of their stamps, in all pairs of
+-- these queries: where they are then, what pairs are to each other, and what began and ended. At each moment all are
+-- where they are before any two are compared. A state without a place says only that its track has ended.
 create or replace function semap.follow_pairs(
   p_query_ids integer[], p_states semap.track_state[],
   inout places semap.track_state[], inout pairs semap.relation_state[], out changes semap.pair_change[]
@@ -356,7 +384,8 @@ declare
   c_others   constant integer[] := array(select query_id from semap.continuous_query
                                          where query_id = any (p_query_ids) and predicate <> 'crosses');
   c_nearest  constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (p_query_ids) and predicate = 'nearest' and object_kind = 'track');
+                                         where query_id = any (p_query_ids) and predicate = 'nearest'
+                                           and object_kind = 'track');
   v_moment   record;
   v_others   semap.track_state[];
   v_step     record;
@@ -374,12 +403,14 @@ begin
       pairs := v_step.pairs;
       changes := changes || v_step.changes;
     end if;
-    v_others := array(select p from unnest(places) p left join unnest(v_moment.moved) m using (track_id) where m.track_id is null);
+    v_others := array(select p from unnest(places) p left join unnest(v_moment.moved) m using (track_id)
+                      where m.track_id is null);
     if c_others <> '{}' and v_moment.moved is not null then
       v_step := semap.follow_moment(
         c_others, v_moment.moved, v_others, null, null,
         -- one that ended before, or came in since
-        array(select m.track_id from unnest(v_moment.moved) m left join unnest(places) p using (track_id) where p.track_id is null),
+        array(select m.track_id from unnest(v_moment.moved) m left join unnest(places) p using (track_id)
+              where p.track_id is null),
         v_moment.stamp, 'moved', pairs);
       pairs := v_step.pairs;
       changes := changes || v_step.changes;

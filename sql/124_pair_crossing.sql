@@ -1,10 +1,10 @@
 -- Lines that are crossed. A line has two sides along its direction; whoever comes to it from one of them and goes on to
--- the other has crossed it, there and then. Whoever only touches it, walks along it and comes back, or passes through its
--- very end has not. A state exactly on the line belongs to the side that it came from, which the pair remembers:
+-- the other has crossed it, there and then. Whoever only touches it, walks along it and comes back, or passes through
+-- its very end has not. A state exactly on the line belongs to the side that it came from, which the pair remembers:
 -- `pending` is the left one.
 
--- To which side of a path a direction points at a corner of it: true is left; null along the path and where it turns back
--- on itself. `back` leads to the corner before, `on` to the next one.
+-- To which side of a path a direction points at a corner of it: true is left; null along the path and where it turns
+-- back on itself. `back` leads to the corner before, `on` to the next one.
 create or replace function semap.points_left(
   p_back_x double precision, p_back_y double precision, p_on_x double precision, p_on_y double precision,
   p_x double precision, p_y double precision
@@ -25,11 +25,13 @@ begin
   return case when p_on_x * p_back_x + p_on_y * p_back_y < 0 then v_on > 0 end;
 end $$;
 
--- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves it
--- (null: along the line, or no side). Parts of the way in [0, 1].
+-- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves
+-- it (null: along the line, or no side). Parts of the way in [0, 1].
 create or replace function semap.way_meets(
-  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision
-) returns table (part double precision, comes_along boolean, comes_from_left boolean, goes_along boolean, goes_to_left boolean)
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision,
+  p_y2_m double precision
+) returns table (part double precision, comes_along boolean, comes_from_left boolean, goes_along boolean,
+                 goes_to_left boolean)
 language plpgsql immutable parallel safe as $$
 declare
   v_line     public.geometry;
@@ -110,10 +112,11 @@ begin
   end loop;
 end $$;
 
--- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.
--- p_came_from_left: of its start, if that is on a line.
+-- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line,
+-- came. p_came_from_left: of its start, if that is on a line.
 create or replace function semap.way_across(
-  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision,
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision,
+  p_y2_m double precision,
   p_came_from_left boolean, out parts double precision[], out from_left boolean[], out came_from_left boolean
 ) language plpgsql immutable parallel safe as $$
 declare
@@ -143,15 +146,17 @@ begin
 end $$;
 
 -- The state of a pair whose subject is on the line that is its object: the side that it came from.
-create or replace function semap.side_of_line(p_query_id integer, p_subject_key bigint, p_object_key bigint, p_from_left boolean)
+create or replace function semap.side_of_line(p_query_id integer, p_subject_key bigint, p_object_key bigint,
+                                              p_from_left boolean)
 returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(p_query_id, p_subject_key, p_object_key, false, null, p_from_left, null, p_from_left, null, null, null, null,
+  select row(p_query_id, p_subject_key, p_object_key, false, null, p_from_left, null, p_from_left, null, null, null,
+             null,
              null)::semap.relation_state
 $$;
 
--- The crossings of lines by tracks that went from where they were (p_places) to where these states say; what pairs are to
--- each other then: those of lines on which a way ended.
+-- The crossings of lines by tracks that went from where they were (p_places) to where these states say; what pairs are
+-- to each other then: those of lines on which a way ended.
 create or replace function semap.cross_lines(
   p_query_ids integer[], p_places semap.track_state[], p_states semap.track_state[],
   inout pairs semap.relation_state[], out changes semap.pair_change[]
@@ -193,8 +198,10 @@ begin
   select array(select p from unnest(pairs) p
                where not exists (select from way w where w.query_id = p.query_id and w.key = p.subject_key)
                union all
-               select semap.side_of_line(query_id, key, -instance_id, came_from_left) from met where came_from_left is not null),
-         (select array_agg(row(query_id, key, -instance_id, 'crossed', 'moved', stamp, at, at, x_m, y_m, way)::semap.pair_change)
+               select semap.side_of_line(query_id, key, -instance_id, came_from_left) from met
+                 where came_from_left is not null),
+         (select array_agg(row(query_id, key, -instance_id, 'crossed', 'moved', stamp, at, at, x_m, y_m,
+                               way)::semap.pair_change)
           from crossed)
   into pairs, changes;
 end $$;

@@ -1,11 +1,13 @@
 -- Pairs follow the map, the queries, and who is on it; and what is found of them is written.
 
--- What pairs of these queries are to each other: all, or (p_keys) those of these things and of what is nearest to anything.
+-- What pairs of these queries are to each other: all, or (p_keys) those of these things and of what is nearest to
+-- anything.
 create or replace function semap.known_pairs(p_query_ids integer[], p_keys bigint[] default null)
 returns semap.relation_state[]
 language sql stable as $$
   select coalesce(array_agg(row(p.query_id, p.subject_key, p.object_key, p.held, p.since, p.inside, p.inside_at,
-                                p.inside, p.inside_at, null, null, p.distance_m, p.distance_at)::semap.relation_state), '{}')
+                                p.inside, p.inside_at, null, null, p.distance_m, p.distance_at)::semap.relation_state),
+                                '{}')
   from semap.pair p
   where p.query_id = any (p_query_ids)
     and (p_keys is null or p.subject_key = any (p_keys) or p.object_key = any (p_keys)
@@ -20,26 +22,29 @@ language sql as $$
   with gone as (
     delete from semap.pair p
     using unnest(p_before) b
-    left join unnest(p_now) n on n.query_id = b.query_id and n.subject_key = b.subject_key and n.object_key = b.object_key
+    left join unnest(p_now) n on n.query_id = b.query_id and n.subject_key = b.subject_key
+      and n.object_key = b.object_key
     where n.query_id is null
       and p.query_id = b.query_id and p.subject_key = b.subject_key and p.object_key = b.object_key
   )
   insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
                           held, since, inside, inside_at, distance_m, distance_at)
-  select p_map_id, n.query_id, case when n.subject_key > 0 then n.subject_key end, case when n.subject_key < 0 then -n.subject_key end,
+  select p_map_id, n.query_id, case when n.subject_key > 0 then n.subject_key end,
+         case when n.subject_key < 0 then -n.subject_key end,
          case when n.object_key < 0 then -n.object_key end, case when n.object_key > 0 then n.object_key end,
          n.confirmed, n.since, n.pending, n.pending_at, n.distance_m, n.distance_at
   from unnest(p_now) n
-  left join unnest(p_before) b on n.query_id = b.query_id and n.subject_key = b.subject_key and n.object_key = b.object_key
+  left join unnest(p_before) b on n.query_id = b.query_id and n.subject_key = b.subject_key
+    and n.object_key = b.object_key
   where n is distinct from b
   on conflict (query_id, subject_key, object_key) do update
   set held = excluded.held, since = excluded.since, inside = excluded.inside, inside_at = excluded.inside_at,
       distance_m = excluded.distance_m, distance_at = excluded.distance_at
 $$;
 
--- Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past. What happens
--- has an identity of its own, so that a replay gives the same one; where it would happen twice at one moment (edits of the
--- map) a random one.
+-- Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past. What
+-- happens has an identity of its own, so that a replay gives the same one; where it would happen twice at one moment
+-- (edits of the map) a random one.
 create or replace function semap.record_pair_changes(p_changes semap.pair_change[]) returns void
 language plpgsql as $$
 begin
@@ -51,15 +56,18 @@ begin
   ), changed as (
     insert into semap.relation_change (
       uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-      instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction)
+      instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+      direction)
     select case when t.cause = 'map' or exists (select from semap.relation_change h where h.uid = t.uid)
                   or row_number() over (partition by t.uid order by t.place) > 1 then gen_random_uuid() else t.uid end,
            map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-           instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction
+           instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m,
+           y_m, direction
     from told t order by place
   )
   insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                   subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
+                                   subject_instance_name, instance_id, instance_name, object_track_id,
+                                   object_track_name,
                                    since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
@@ -77,7 +85,8 @@ create or replace function semap.described_changes(p_changes semap.pair_change[]
 language sql stable as $$
   select row_number() over (
            order by c.stamp, c.part, c.edge_at, coalesce(s.name, si.name) collate "C", coalesce(s.uid, si.uid),
-                    c.kind::semap.change_kind desc, coalesce(o.name, oi.name) collate "C", coalesce(o.uid, oi.uid), c.query_id, c.n),
+                    c.kind::semap.change_kind desc, coalesce(o.name, oi.name) collate "C", coalesce(o.uid, oi.uid),
+                    c.query_id, c.n),
          semap.change_uid(f.query_name || coalesce('|' || c.x_m || '|' || c.y_m, ''), coalesce(s.uid, si.uid),
                           coalesce(o.uid, oi.uid), c.kind, c.cause::text, c.edge_at),
          f.map_id, c.query_id, f.query_name, s.track_id, s.name, si.instance_id, si.name, oi.instance_id, oi.name,
@@ -108,8 +117,8 @@ language sql as $$
   set query_name = excluded.query_name, formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
 $$;
 
--- Put instances that take part in these queries on a map where they are, of these or (null) of all: which are not what they
--- were. What rests on what depends on more than outlines, and is taken as changed.
+-- Put instances that take part in these queries on a map where they are, of these or (null) of all: which are not what
+-- they were. What rests on what depends on more than outlines, and is taken as changed.
 create or replace function semap.place_instances(p_query_ids integer[], p_instance_ids bigint[]) returns bigint[]
 language plpgsql as $$
 declare
@@ -121,7 +130,8 @@ begin
   ), changed as (
     select array_agg(distinct w.instance_id) as ids
     from wanted w
-    left join semap.pair_instance m on m.instance_id = w.instance_id and m.query_id = w.query_id and m.is_object = w.is_object
+    left join semap.pair_instance m on m.instance_id = w.instance_id and m.query_id = w.query_id
+      and m.is_object = w.is_object
     where m.instance_id is null or w.predicate = 'on'
        or (st_asbinary(w.place), st_asbinary(w.shape), w.z_min_m, w.z_max_m, w.yaw_rad)
           is distinct from (st_asbinary(m.place), st_asbinary(m.shape), m.z_min_m, m.z_max_m, m.yaw_rad)
@@ -148,7 +158,8 @@ language sql stable as $$
   from (
     select m.query_id, m.is_object, -m.instance_id as key
     from semap.pair_instance m
-    where m.map_id = p_map_id and m.query_id = any (p_query_ids) and (p_instance_ids is null or m.instance_id = any (p_instance_ids))
+    where m.map_id = p_map_id and m.query_id = any (p_query_ids)
+      and (p_instance_ids is null or m.instance_id = any (p_instance_ids))
       and not exists (select from semap.pair_instance_wanted w
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.instance_id = m.instance_id)
     union
@@ -160,12 +171,13 @@ language sql stable as $$
         select from semap.track_side s
         where s.query_id = p.query_id and s.is_object = k.is_object
           and (not s.is_chosen or exists (select from semap.query_track t
-                                          where t.query_id = s.query_id and t.is_object = k.is_object and t.track_id = k.key)))) g
+                                          where t.query_id = s.query_id and t.is_object = k.is_object
+                                            and t.track_id = k.key)))) g
   group by g.query_id
 $$;
 
--- Bring the pairs of these queries on a map in line with these instances or (null) all, and with these tracks, which came to
--- take part; and compare again who is not what it was; everybody, where the queries ask something else now.
+-- Bring the pairs of these queries on a map in line with these instances or (null) all, and with these tracks, which
+-- came to take part; and compare again who is not what it was; everybody, where the queries ask something else now.
 create or replace function semap.refresh_map_pairs(
   p_map_id integer, p_query_ids integer[], p_instance_ids bigint[], p_track_ids bigint[], p_is_other boolean
 ) returns void
@@ -183,18 +195,22 @@ begin
   perform semap.begin_following(p_map_id);
   v_places := semap.followed_places(p_map_id);
   for v_gone in select * from semap.gone_from_pairs(p_map_id, p_query_ids, p_instance_ids) order by query_id loop
-    v_step := semap.part_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, v_places, null, 'map', v_pairs);
+    v_step := semap.part_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, v_places, null, 'map',
+                               v_pairs);
     v_pairs := v_step.pairs;
     perform semap.record_pair_changes(v_step.changes);
     delete from semap.pair_instance
     where query_id = v_gone.query_id
-      and (-instance_id = any (v_gone.subject_keys) and not is_object or -instance_id = any (v_gone.object_keys) and is_object);
+      and (-instance_id = any (v_gone.subject_keys) and not is_object or -instance_id = any (v_gone.object_keys)
+           and is_object);
     if v_gone.object_keys is not null then
       v_nearest := v_nearest || array(select query_id from semap.continuous_query
-                                      where query_id = v_gone.query_id and predicate = 'nearest' and in_pairs and enabled);
+                                      where query_id = v_gone.query_id and predicate = 'nearest' and in_pairs
+                                        and enabled);
     end if;
   end loop;
-  delete from semap.pair_form where query_id = any (p_query_ids) and query_id not in (select query_id from semap.pair_side);
+  delete from semap.pair_form where query_id = any (p_query_ids)
+    and query_id not in (select query_id from semap.pair_side);
   v_edited := semap.place_instances(p_query_ids, p_instance_ids);
   if p_is_other then
     v_edited := array(select distinct instance_id from semap.pair_instance where query_id = any (p_query_ids));
@@ -206,7 +222,8 @@ begin
     v_places := array(select p from unnest(v_places) p where p.track_id = any (p_track_ids) is not true);
     perform semap.note_pair_forms(v_nearest); -- whose past was with what is gone
     update semap.pair_form f set query_name = q.name
-    from semap.continuous_query q where q.query_id = f.query_id and q.query_id = any (p_query_ids) and f.query_name <> q.name;
+    from semap.continuous_query q where q.query_id = f.query_id and q.query_id = any (p_query_ids)
+      and f.query_name <> q.name;
   end if;
   update semap.pair_instance m
   set formed_stamp = p.through, formed_track_id = n.track_id
@@ -216,7 +233,8 @@ begin
   -- from which side somebody came to a line that was drawn anew is not known
   v_pairs := array(
     select p from unnest(v_pairs) p join semap.continuous_query q using (query_id)
-    where not (q.predicate = 'crosses' and (p_is_other or -p.object_key = any (v_edited) or p.subject_key = any (p_track_ids)) is true));
+    where not (q.predicate = 'crosses' and (p_is_other or -p.object_key = any (v_edited)
+                                            or p.subject_key = any (p_track_ids)) is true));
   v_step := semap.follow_moment(
     array(select distinct query_id from semap.pair_side where query_id = any (p_query_ids) and predicate <> 'crosses'),
     v_moved, v_places, v_edited, v_nearest, null, null, 'map', v_pairs);
@@ -250,15 +268,18 @@ begin
         select m.query_id from semap.pair_instance m where m.instance_id = any (p_instance_ids)) concerned;
 end $$;
 
--- End what these tracks of a map are to others, at a stamp (null: that of each pair). What is nearest without them is so then.
+-- End what these tracks of a map are to others, at a stamp (null: that of each pair). What is nearest without them is
+-- so then.
 create or replace function semap.end_pairs(
   p_map_id integer, p_track_ids bigint[], p_at timestamptz, p_cause semap.change_cause
 ) returns void
 language plpgsql as $$
 declare
-  c_queries  constant integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled);
+  c_queries  constant integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id
+                                         and in_pairs and enabled);
   c_nearest  constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (c_queries) and predicate = 'nearest' and object_kind = 'track');
+                                         where query_id = any (c_queries) and predicate = 'nearest'
+                                           and object_kind = 'track');
   v_before   semap.relation_state[];
   v_places   semap.track_state[];
   v_step     record;
@@ -274,7 +295,8 @@ begin
   delete from semap.followed_state where track_id = any (p_track_ids);
   if c_nearest <> '{}' then
     v_next := semap.follow_moment(
-      c_nearest, null, array(select p from unnest(v_places) p where p.track_id <> all (p_track_ids)), null, c_nearest, null,
+      c_nearest, null, array(select p from unnest(v_places) p where p.track_id <> all (p_track_ids)), null, c_nearest,
+      null,
       p_at, case when p_cause = 'map' then 'map' else 'moved' end::semap.change_cause, v_step.pairs);
     perform semap.record_pair_changes(v_next.changes);
     v_step := v_next;
@@ -282,8 +304,8 @@ begin
   perform semap.keep_pairs(p_map_id, v_before, v_step.pairs);
 end $$;
 
--- End what tracks are to others that ended, each at the end that it has now, where the pairs of their map were followed up to
--- that end; an end that is further on is met there.
+-- End what tracks are to others that ended, each at the end that it has now, where the pairs of their map were followed
+-- up to that end; an end that is further on is met there.
 create or replace function semap.end_pairs_of_ended(p_track_ids bigint[]) returns void
 language plpgsql as $$
 declare

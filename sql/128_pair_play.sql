@@ -1,9 +1,9 @@
--- Pairs of the past are *played*: from where tracks were at a moment, and what pairs were then, they are followed by the code
--- that follows them as states come in (sql/123, 124).
+-- Pairs of the past are *played*: from where tracks were at a moment, and what pairs were then, they are followed by
+-- the code that follows them as states come in (sql/123, 124).
 
 -- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
--- without outliers, without what is named, and no further than each is known to be now. The first state of each track says
--- where it was at that moment, if it was there.
+-- without outliers, without what is named, and no further than each is known to be now. The first state of each track
+-- says where it was at that moment, if it was there.
 create or replace function semap.states_to_play(
   p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
   p_without_ids bigint[], p_without_stamps timestamptz[]
@@ -72,11 +72,13 @@ language sql stable as $$
         where query_id = any (p_query_ids) and held and since <= p_at) h
   cross join lateral (select coalesce(h.track_id, -h.subject_instance_id) as subject_key,
                              coalesce(h.object_track_id, -h.instance_id) as object_key) k
-  where (k.subject_key < 0 or k.subject_key = any (p_track_ids)) and (k.object_key < 0 or k.object_key = any (p_track_ids))
+  where (k.subject_key < 0 or k.subject_key = any (p_track_ids))
+    and (k.object_key < 0 or k.object_key = any (p_track_ids))
   group by h.query_id, k.subject_key, k.object_key
 $$;
 
--- Play the pairs of a map from a moment on, at which what the log says held: what changed, and what pairs are at the end.
+-- Play the pairs of a map from a moment on, at which what the log says held: what changed, and what pairs are at the
+-- end.
 create or replace function semap.play_pairs(
   p_query_ids integer[], p_from timestamptz, p_states semap.track_state[],
   out changes semap.pair_change[], out pairs semap.relation_state[]
@@ -91,8 +93,10 @@ begin
     array(select semap.relation_since(h.query_id, h.subject_key, h.object_key, true, h.since)
           from semap.pairs_held_at(p_query_ids, array(select track_id from unnest(p_states)), p_from) h
           where (h.subject_key > 0 or h.object_key > 0)
-            and (h.subject_key < 0 or h.subject_key in (select track_id from unnest(p_states) s where s.stamp <= p_from and not s.is_last))
-            and (h.object_key < 0 or h.object_key in (select track_id from unnest(p_states) s where s.stamp <= p_from and not s.is_last))));
+            and (h.subject_key < 0 or h.subject_key in (select track_id from unnest(p_states) s where s.stamp <= p_from
+                                                        and not s.is_last))
+            and (h.object_key < 0 or h.object_key in (select track_id from unnest(p_states) s where s.stamp <= p_from
+                                                      and not s.is_last))));
   changes := v_step.changes;
   pairs := v_step.pairs;
 end $$;

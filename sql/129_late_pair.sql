@@ -1,10 +1,11 @@
 -- Late states and pairs: what any two things were to each other is what it would be had the states of both come in the
--- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching, the
--- side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and once
--- without them. Only what the two plays differ in is written, in the transaction that brings the states.
+-- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching,
+-- the side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and
+-- once without them. Only what the two plays differ in is written, in the transaction that brings the states.
 
--- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the identity
--- that it had; one that holds since another moment than before gets one of its own, since who believes the other has to know.
+-- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the
+-- identity that it had; one that holds since another moment than before gets one of its own, since who believes the
+-- other has to know.
 create or replace function semap.add_pair_changes(p_changes semap.pair_change[]) returns void
 language plpgsql as $$
 declare
@@ -22,7 +23,8 @@ begin
     select * from semap.described_changes(p_changes)
   ), past as (
     insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                     subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
+                                     subject_instance_name, instance_id, instance_name, object_track_id,
+                                     object_track_name,
                                      since, until)
     select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
            instance_id, instance_name, object_track_id, object_track_name, since, edge_at
@@ -30,16 +32,18 @@ begin
   )
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+    direction,
     amendment)
   select v_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
+         instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+         direction,
          'added'
   from told order by place;
 end $$;
 
--- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it, got the
--- form that it has; tracks that came to be known later are corrected from their beginning on.
+-- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it,
+-- got the form that it has; tracks that came to be known later are corrected from their beginning on.
 create or replace function semap.pair_formed(p_query_id integer, p_subject_key bigint, p_object_key bigint)
 returns timestamptz
 language sql stable as $$
@@ -52,16 +56,19 @@ language sql stable as $$
         select formed_stamp, formed_track_id from semap.pair_instance m
         where m.query_id = p_query_id
           and (m.instance_id in (-p_subject_key, -p_object_key)
-               or exists (select from semap.continuous_query q where q.query_id = p_query_id and q.predicate = 'nearest'))) f
-  where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end, case when p_object_key > 0 then p_object_key end)
+               or exists (select from semap.continuous_query q where q.query_id = p_query_id
+                          and q.predicate = 'nearest'))) f
+  where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end,
+                                   case when p_object_key > 0 then p_object_key end)
 $$;
 
--- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play differs
--- from one without the late states (p_without), the first of which is of p_late_from. What the log says of a pair, and what the
--- play says, have to agree on what held before the first late state and, but for a play up to the present, on what holds
--- after it; else nothing of that pair is written.
+-- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play
+-- differs from one without the late states (p_without), the first of which is of p_late_from. What the log says of a
+-- pair, and what the play says, have to agree on what held before the first late state and, but for a play up to the
+-- present, on what holds after it; else nothing of that pair is written.
 create or replace function semap.write_pair_amendments(
-  p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz, p_to timestamptz,
+  p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz,
+  p_to timestamptz,
   p_is_present boolean, p_with semap.pair_change[], p_without semap.pair_change[],
   p_pairs semap.relation_state[], p_pairs_without semap.relation_state[]
 ) returns void
@@ -73,7 +80,8 @@ declare
   v_now    semap.relation_state[];
 begin
   with played as (
-    select true as late, c as said, row_number() over () as place from unnest(p_with) c where c.query_id = any (p_query_ids)
+    select true as late, c as said, row_number() over () as place from unnest(p_with) c
+      where c.query_id = any (p_query_ids)
     union all
     select false, c, 0 from unnest(p_without) c where c.query_id = any (p_query_ids)
   ), differing as (
@@ -95,15 +103,18 @@ begin
            coalesce(l.log_before = 'began', h.since is not null) as log_held_before,
            coalesce(w.with_last = 'began', h.since is not null) as with_held,
            coalesce(l.log_last = 'began', h.since is not null) as log_held,
-           case when w.with_before is null then h.since when w.with_before = 'began' then w.with_since_before end as found_before,
-           case when l.log_before is null then h.since when l.log_before = 'began' then l.log_since_before end as told_before,
+           case when w.with_before is null then h.since when w.with_before = 'began' then w.with_since_before end
+             as found_before,
+           case when l.log_before is null then h.since when l.log_before = 'began' then l.log_since_before end
+             as told_before,
            case when w.with_last is null then h.since when w.with_last = 'began' then w.with_since end as found_since,
            case when l.log_last is null then h.since when l.log_last = 'began' then l.log_since end as told_since
     from differing d
     left join semap.pairs_held_at(p_query_ids, p_track_ids, p_from) h using (query_id, subject_key, object_key)
     cross join lateral (
       select (array_agg((said).kind order by place desc) filter (where (said).stamp < p_late_from))[1] as with_before,
-             (array_agg((said).since order by place desc) filter (where (said).stamp < p_late_from))[1] as with_since_before,
+             (array_agg((said).since order by place desc) filter (where (said).stamp < p_late_from))[1]
+               as with_since_before,
              (array_agg((said).kind order by place desc))[1] as with_last,
              (array_agg((said).since order by place desc))[1] as with_since
       from played p
@@ -116,12 +127,14 @@ begin
              (array_agg(since order by place desc))[1] as log_since,
              coalesce(bool_or(cause = 'map' or kind = before_kind), false) as is_odd
       from (select *, lag(kind) over (order by place) as before_kind from (
-            select (c).*, row_number() over (order by (c).stamp, (c).edge_at, semap.place_in_moment(c, turn), (c).change_id) as place
+            select (c).*, row_number() over (order by (c).stamp, (c).edge_at, semap.place_in_moment(c, turn),
+                                             (c).change_id) as place
             from (select c, row_number() over (partition by (c).edge_at, (c).kind, (c).since < (c).edge_at
                                                order by (c).change_id) as turn
                   from logged
                   where (c).kind <> 'crossed' and (c).stamp <= p_to
-                    and ((said).query_id, (said).subject_key, (said).object_key) = (d.query_id, d.subject_key, d.object_key)) t) p) o) l
+                    and ((said).query_id, (said).subject_key,
+                         (said).object_key) = (d.query_id, d.subject_key, d.object_key)) t) p) o) l
   ), sound as (
     -- what held before the first late state holds since when the log says
     select *, case when found_since = found_before then told_before else found_since end as now_since
@@ -142,7 +155,8 @@ begin
   ), moment as (
     -- what happens at one moment is written together, so that it stands in the order in which it happened
     select distinct (said).query_id, (said).subject_key, (said).object_key, (said).edge_at from (
-      (select said from told except select said from found) union all (select said from found except select said from told)) d
+      (select said from told except select said from found)
+        union all (select said from found except select said from told)) d
   ), gone as (
     select (c).uid from told
     where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
@@ -164,7 +178,8 @@ begin
          array(select said from new order by place) || array(select said from tail),
          array(select semap.relation_since(query_id, subject_key, object_key, true, now_since)
                from sound where not p_is_present and with_held and now_since <> told_since),
-         array(select semap.relation_since(query_id, subject_key, object_key, with_held, case when with_held then now_since end)
+         array(select semap.relation_since(query_id, subject_key, object_key, with_held,
+                                           case when with_held then now_since end)
                from sound where p_is_present)
   into v_gone, v_new, v_since, v_now;
   perform semap.take_back(v_gone);
@@ -172,7 +187,8 @@ begin
 
   update semap.pair p set since = s.since
   from unnest(v_since) s
-  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held and p.since < p_to;
+  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held
+    and p.since < p_to;
   delete from semap.pair p using unnest(v_now) n
   where (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
   perform semap.keep_pairs(p_map_id, '{}', array(
@@ -181,8 +197,9 @@ begin
     join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key)));
 end $$;
 
--- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest, or for
--- whoever is faced however far away; else those that come near enough. Null where that is too much to look through.
+-- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest,
+-- or for whoever is faced however far away; else those that come near enough. Null where that is too much to look
+-- through.
 create or replace function semap.tracks_to_play(
   p_map_id integer, p_query_ids integer[], p_late_ids bigint[], p_from timestamptz, p_to timestamptz
 ) returns bigint[]
@@ -207,7 +224,8 @@ begin
     return v_others;
   elsif (select count(*) from (select from semap.stored_state s
                                where s.track_id = any (v_others) and s.stamp >= p_from and s.stamp <= p_to
-                                 and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= p_from
+                                 and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to
+                                   and s.to_stamp >= p_from
                                limit c_most_states + 1) c) > c_most_states then
     return null;
   end if;
@@ -216,7 +234,8 @@ begin
       select s.track_id, s.x_m, s.y_m, greatest(s.length_m, s.width_m, 0) as size_m
       from semap.stored_state s
       where s.track_id = any (v_others) and s.stamp >= p_from - interval '1 min' and s.stamp <= p_to
-        and s.from_stamp > p_from - interval '31 min' and s.from_stamp <= p_to and s.to_stamp >= p_from - interval '1 min'
+        and s.from_stamp > p_from - interval '31 min' and s.from_stamp <= p_to
+          and s.to_stamp >= p_from - interval '1 min'
       union all
       select n.track_id, n.x_m, n.y_m, greatest(n.length_m, n.width_m, 0)
       from semap.track_now n where n.track_id = any (v_others) and n.stamp <= p_to
@@ -239,10 +258,10 @@ begin
       and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
 end $$;
 
--- What is played after states that came late, of these tracks at these stamps, for queries that take so long to confirm. What
--- a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a play begins four
--- states and two such times before the first late state. p_further: how many states it goes on after the last one. The states
--- are null where that is more than a play may hold, or where states of that time are gone.
+-- What is played after states that came late, of these tracks at these stamps, for queries that take so long to
+-- confirm. What a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a
+-- play begins four states and two such times before the first late state. p_further: how many states it goes on after
+-- the last one. The states are null where that is more than a play may hold, or where states of that time are gone.
 create or replace function semap.prepare_play(
   p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
   p_not_yet_ids bigint[], p_not_yet_stamps timestamptz[], p_further integer,
@@ -265,25 +284,28 @@ begin
   if from_stamp < (select max(gone_before) from semap.retention where kind in ('states', 'changes')) then
     return;
   end if;
-  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is stored
-  -- already, and is no state that both plays go through.
+  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is
+  -- stored already, and is no state that both plays go through.
   select least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
                           + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end)
   into to_stamp
   from unnest(v_ids) id
   cross join lateral (
-    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp) where n.track_id = id) n
+    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp)
+      where n.track_id = id) n
   cross join lateral (
     select count(*) as states, max(stamp) as stamp from (
       select s.stamp
-      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further + coalesce(cardinality(n.stamps), 0), v_present) s
+      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further + coalesce(cardinality(n.stamps), 0),
+                               v_present) s
       where (s.stamp = any (n.stamps)) is not true
       order by s.stamp limit p_further) s) a;
   is_present := to_stamp >= v_present;
   track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
       from (select s.stamp from semap.stored_state s
-            where s.track_id = any (track_ids) and s.stamp > prepare_play.from_stamp and s.stamp <= prepare_play.to_stamp
+            where s.track_id = any (track_ids) and s.stamp > prepare_play.from_stamp
+              and s.stamp <= prepare_play.to_stamp
               and s.from_stamp > prepare_play.from_stamp - interval '30 min'
               and s.from_stamp <= prepare_play.to_stamp and s.to_stamp >= prepare_play.from_stamp
             limit c_most_states + 1) c) then
@@ -293,13 +315,14 @@ begin
   end if;
 end $$;
 
--- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to play, else
--- fewer; and where one state alone is too much, without the queries that take longest to confirm. A play goes on until it
--- makes no difference to what is remembered, at most up to the present.
+-- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to
+-- play, else fewer; and where one state alone is too much, without the queries that take longest to confirm. A play
+-- goes on until it makes no difference to what is remembered, at most up to the present.
 create or replace function semap.amend_pairs(p_map_id integer, p_late semap.arrival[]) returns void
 language plpgsql as $$
 declare
-  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled);
+  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs
+                                  and enabled);
   v_amended    integer[] := v_query_ids;
   v_confirm    interval;
   v_ids        bigint[];
@@ -314,21 +337,24 @@ begin
   select array_agg(track_id order by stamp, track_id), array_agg(stamp order by stamp, track_id)
   into v_ids, v_stamps
   from (select distinct l.track_id, l.stamp from unnest(p_late) l
-        where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id and w.query_id = any (v_query_ids))) l;
+        where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id
+                      and w.query_id = any (v_query_ids))) l;
   while cardinality(v_ids) > 0 loop
     v_further := 4;
     loop
       select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
       from semap.continuous_query where query_id = any (v_amended);
       select * into v_next from semap.prepare_play(
-        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:], v_stamps[v_count + 1:], v_further);
+        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:],
+        v_stamps[v_count + 1:], v_further);
       if v_next.states is null then
         exit when v_further > 4;
         if least(v_count, cardinality(v_ids)) > 1 then
           v_count := least(v_count, cardinality(v_ids)) / 2;
         else
           v_amended := array(select query_id from semap.continuous_query
-                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm, '0') < v_confirm);
+                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm,
+                                                                           '0') < v_confirm);
         end if;
         exit when v_amended = '{}';
         continue;

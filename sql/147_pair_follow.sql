@@ -1,13 +1,14 @@
--- What two things were to each other at a stamp is decided once that stamp is complete: when all states at or before it have
--- come, of all sources that are waited for. So it does not depend on how states are cut into batches, nor on which source
--- speaks first: at each stamp all tracks are where their latest state at or before it says. `pair_progress` tells up to
--- which stamp that is done. followed_state has where the tracks were then. The transaction that completes a stamp, by moving
--- a source (sql/125), follows the pairs up to it. States at or before it that come later are late (sql/129).
+-- What two things were to each other at a stamp is decided once that stamp is complete: when all states at or before it
+-- have come, of all sources that are waited for. So it does not depend on how states are cut into batches, nor on which
+-- source speaks first: at each stamp all tracks are where their latest state at or before it says. `pair_progress`
+-- tells up to which stamp that is done. followed_state has where the tracks were then. The transaction that completes a
+-- stamp, by moving a source (sql/125), follows the pairs up to it. States at or before it that come later are late
+-- (sql/129).
 --
 -- The row of the source is locked before the pairs of its map, by who writes states as by who says a watermark.
 
--- Up to where all states of a map have come, by its sources that follow tracks. One that has ended or is idle is not waited
--- for; where none is, the furthest counts, as for rules.
+-- Up to where all states of a map have come, by its sources that follow tracks. One that has ended or is idle is not
+-- waited for; where none is, the furthest counts, as for rules.
 create or replace function semap.map_complete_through(p_map_id integer) returns timestamptz
 language sql stable as $$
   select coalesce(
@@ -31,8 +32,10 @@ begin
   select * into v_last from unnest((
     semap.arrivals_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).arrivals)
   order by stamp desc limit 1;
-  return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last, v_last.heading_rad,
-             v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m, v_last.std_yaw_rad)::semap.track_state;
+  return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last,
+             v_last.heading_rad,
+             v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m,
+             v_last.std_yaw_rad)::semap.track_state;
 end $$;
 
 -- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
@@ -46,7 +49,8 @@ language sql stable as $$
   union all
   select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
   where n.map_id = p_map_id and n.stamp > p_at and n.first_stamp <= p_at and not s.is_last
-    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
+    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp
+                    and e.stamp <= p_at)
     and (p_track_ids is null or n.track_id = any (p_track_ids))
 $$;
 
@@ -63,9 +67,11 @@ create or replace function semap.states_between(p_track_ids bigint[], p_after ti
 returns setof semap.track_state
 language plpgsql stable rows 1000 set plan_cache_mode = force_generic_plan as $$
 begin
-  if exists (select from semap.track_state_packed where from_stamp > p_after - interval '30 min' and from_stamp <= p_to) then
+  if exists (select from semap.track_state_packed where from_stamp > p_after - interval '30 min'
+             and from_stamp <= p_to) then
     return query
-      select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+      select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps, s.length_m,
+             s.width_m,
              s.std_across_m, s.std_yaw_rad
       from unnest(p_track_ids) id join semap.stored_state s on s.track_id = id
       where s.stamp > p_after and s.stamp <= p_to
@@ -78,8 +84,8 @@ begin
       select * from semap.track_state t where t.track_id = id and t.stamp > p_after and t.stamp <= p_to offset 0) s;
 end $$;
 
--- What the tracks of a map did after a moment up to which its pairs are followed, up to another one: states that pass the gate
--- for outliers, and ends.
+-- What the tracks of a map did after a moment up to which its pairs are followed, up to another one: states that pass
+-- the gate for outliers, and ends.
 create or replace function semap.states_to_follow(p_map_id integer, p_after timestamptz, p_to timestamptz)
 returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_generic_plan as $$
@@ -97,7 +103,8 @@ begin
   )
   select array_agg(m::semap.track_state) into v_states
   from (
-    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last or e.stamp is not null, s.heading_rad, s.speed_mps,
+    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last or e.stamp is not null, s.heading_rad,
+           s.speed_mps,
            s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
     from stated s left join ended e using (track_id, stamp)
     union all
@@ -107,7 +114,8 @@ begin
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
     v_some := array(
       select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-                 s.is_last, n.source_id, p_map_id, n.cell_m, f.track_id is not null, f.stamp, f.x_m, f.y_m, f.z_m, '{}', null,
+                 s.is_last, n.source_id, p_map_id, n.cell_m, f.track_id is not null, f.stamp, f.x_m, f.y_m, f.z_m,
+                 '{}', null,
                  s.std_across_m, s.std_yaw_rad)::semap.arrival
       from unnest(v_states) s
       join semap.track_now n on n.track_id = s.track_id and n.source_id = v_source.source_id
@@ -117,22 +125,24 @@ begin
       v_states := array(select s from unnest(v_states) s
                         where s.x_m is null or not exists (select from unnest(v_some) a where a.track_id = s.track_id))
         || array(
-          select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.is_last, a.heading_rad, a.speed_mps, a.length_m,
+          select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.is_last, a.heading_rad, a.speed_mps,
+                     a.length_m,
                      a.width_m, a.std_across_m, a.std_yaw_rad)::semap.track_state
           from unnest((semap.gate(v_source, v_some, array(
             -- set aside before: what came after the last state that passed
             select row(t.track_id, s.stamp, s.x_m, s.y_m, null, null, null, null, null, null, null, null, null, null,
                        null, null, null, null, null, null, null, null, null)::semap.arrival
             from (select distinct track_id, seen_stamp from unnest(v_some) where live) t
-            cross join lateral (select * from semap.states_around(t.track_id, p_after + interval '1 us', 1, 0, p_after)) s
+            cross join lateral (select * from semap.states_around(t.track_id, p_after + interval '1 us', 1, 0,
+                                                                  p_after)) s
             where s.stamp > t.seen_stamp))).passed) a);
     end if;
   end loop;
   return v_states;
 end $$;
 
--- Where the tracks are that these states may be about: those that move, and others that may be near to them, where queries
--- are about two tracks.
+-- Where the tracks are that these states may be about: those that move, and others that may be near to them, where
+-- queries are about two tracks.
 create or replace function semap.places_to_follow(p_map_id integer, p_query_ids integer[], p_states semap.track_state[])
 returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_generic_plan as $$
@@ -146,7 +156,8 @@ begin
                   when q.predicate = 'facing' then coalesce(q.distance_m, 'infinity')
                   else q.distance_m end) into v_reach_m
   from semap.continuous_query q
-  where q.query_id = any (p_query_ids) and q.object_kind = 'track' and (q.subject_kind = 'track' or q.predicate = 'nearest');
+  where q.query_id = any (p_query_ids) and q.object_kind = 'track'
+    and (q.subject_kind = 'track' or q.predicate = 'nearest');
   if v_reach_m is null then
     return semap.followed_places(p_map_id, array(select track_id from unnest(p_states)));
   elsif v_reach_m > c_most_m then
@@ -189,7 +200,8 @@ begin
     if v_states is not null then
       v_ids := array(select distinct track_id from unnest(v_states));
       v_before := semap.known_pairs(c_queries, v_ids);
-      v_step := semap.follow_pairs(c_queries, v_states, semap.places_to_follow(p_map_id, c_queries, v_states), v_before);
+      v_step := semap.follow_pairs(c_queries, v_states, semap.places_to_follow(p_map_id, c_queries, v_states),
+                                   v_before);
       perform semap.keep_followed(p_map_id, v_ids, v_step.places);
       perform semap.keep_pairs(p_map_id, v_before, v_step.pairs);
       perform semap.record_pair_changes(v_step.changes);
@@ -211,7 +223,8 @@ begin
   on conflict (map_id) do update set through = excluded.through;
   perform semap.unfold_sources(array_agg(source_id order by source_id)) from semap.source where map_id = p_map_id;
   delete from semap.followed_state where map_id = p_map_id;
-  perform semap.keep_followed(p_map_id, array_agg(s.track_id), array_agg(s)) from semap.tracks_at(p_map_id, c_complete) s;
+  perform semap.keep_followed(p_map_id, array_agg(s.track_id), array_agg(s))
+    from semap.tracks_at(p_map_id, c_complete) s;
 end $$;
 
 -- A source that has come further, or is not waited for any more, may complete stamps of its map.
@@ -231,8 +244,8 @@ create or replace trigger source_completes after update on semap.source
 create or replace trigger source_gone after delete on semap.source
   for each row execute function semap.source_completes();
 
--- Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already; tracks that
--- are known by a newer one than before are there from now on.
+-- Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already; tracks
+-- that are known by a newer one than before are there from now on.
 create or replace function semap.take_late_pairs(p_map_id integer, p_late semap.arrival[]) returns void
 language plpgsql as $$
 declare

@@ -14,8 +14,10 @@ begin
   drop table if exists pg_temp.semap_open;
   create temporary table semap_open on commit drop as
     select c.*, k.*,
-           exists (select from pg_temp.semap_side s where s.key = k.subject_key and s.query_id = c.query_id and not s.is_object)
-           and exists (select from pg_temp.semap_side s where s.key = k.object_key and s.query_id = c.query_id and s.is_object)
+           exists (select from pg_temp.semap_side s where s.key = k.subject_key and s.query_id = c.query_id
+                   and not s.is_object)
+           and exists (select from pg_temp.semap_side s where s.key = k.object_key and s.query_id = c.query_id
+                       and s.is_object)
              as is_there
     from semap.folded_changes(p_map_id) f
     cross join lateral (select (f.change).*) c
@@ -30,7 +32,8 @@ begin
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since)
-  select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+  select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+         subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, 'ended', 'map', m.at, m.at, edge_at
   from pg_temp.semap_open a
   cross join lateral (
@@ -44,7 +47,8 @@ begin
     delete from semap.pair p
     where p.map_id = p_map_id and p.held
       and not exists (select from pg_temp.semap_open o
-                      where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key and o.object_key = p.object_key)
+                      where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key
+                        and o.object_key = p.object_key)
       and (p.since >= coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity')
            or exists (select from semap.continuous_query q where q.query_id = p.query_id and q.predicate = 'crosses'))
     returning p.query_id, p.subject_key, p.object_key
@@ -62,8 +66,8 @@ begin
   select * from unsaid union select * from said;
 end $$;
 
--- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.
--- Says how many relations began or ended by it.
+-- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an
+-- edit. Says how many relations began or ended by it.
 create or replace function semap.repair_pairs(p_map_id integer) returns bigint
 language plpgsql as $$
 declare
@@ -77,8 +81,10 @@ begin
   perform semap.pair_as_told(p_map_id);
   delete from semap.pair p
   where p.map_id = p_map_id and not (
-    exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id and not s.is_object)
-    and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id and s.is_object));
+    exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id
+            and not s.is_object)
+    and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id
+                and s.is_object));
 
   v_keys := array(select distinct key from semap.pair_member_differences(p_map_id));
   delete from semap.pair_instance where map_id = p_map_id and -instance_id = any (v_keys);
@@ -106,8 +112,10 @@ begin
     perform semap.record_pair_changes(v_step.changes);
   end loop;
   -- what the log says of the past stays, and is no matter of what these queries are from now on
-  if exists (select from semap.pair_history_differences(p_map_id)) or exists (select from semap.crossing_differences(p_map_id)) then
-    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs));
+  if exists (select from semap.pair_history_differences(p_map_id))
+    or exists (select from semap.crossing_differences(p_map_id)) then
+    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id
+                                        and in_pairs));
   end if;
   return (select count(*) from semap.relation_change
           where map_id = p_map_id and change_id > v_before and kind in ('began', 'ended') and amendment is null);
