@@ -19,6 +19,7 @@ from sqlalchemy import Connection, text
 
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
+from semap.store.conditions import compile_again
 from semap.store.database import connect, one_transaction, translated
 
 log = logging.getLogger(__name__)
@@ -165,6 +166,7 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
     cursor = connection.connection.cursor()
     for file in _behaviour_files():
         cursor.execute(file.read_text())
+    compile_again(connection)
     connection.execute(text("delete from semap.behaviour"))
     connection.execute(
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}

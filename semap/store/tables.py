@@ -467,6 +467,16 @@ door_now = Table(
     _text("doubt", nullable=True),
 )
 
+condition = Table(
+    "condition",
+    METADATA,
+    _id("condition_id"),
+    _ref("map_id", "map.map_id"),
+    _text("kind"),
+    Column("condition", JSONB, nullable=False),
+    Column("said", ARRAY(Text), nullable=False),
+)
+
 continuous_query = Table(
     "continuous_query",
     METADATA,
@@ -496,6 +506,10 @@ continuous_query = Table(
     *_doubles("angle_rad", "speed_mps", nullable=True),
     _text("direction", nullable=True),
     Column("in_pairs", Boolean, nullable=False, server_default=FetchedValue()),
+    *(
+        _ref(f"{side}_condition_id", "condition.condition_id", None, nullable=True)
+        for side in ("subject", "object")
+    ),
     UniqueConstraint("map_id", "name"),
 )
 
