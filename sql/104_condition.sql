@@ -44,7 +44,8 @@ begin
   if p_condition is not null and v_condition_id is null then
     raise exception 'The condition on % has not been compiled: %', p_kind || 's', left(p_condition::text, 200)
       using errcode = 'invalid_parameter_value',
-            hint = 'A plain statement cannot do that. Store the query by: semap query add, POST or PUT /queries, or select'
+            hint = 'A plain statement cannot do that. Store the query by: semap query add, POST or PUT /queries,'
+                    ' or select'
                    ' semap.create_continuous_query(name, sql).';
   end if;
   return v_condition_id;
