@@ -1,4 +1,15 @@
 -- Continuous queries, what they watch, the relations that hold, and their changes.
+
+-- Each condition of continuous queries; what was compiled of it is the function semap.condition_<id>.
+create table semap.condition (
+  condition_id  integer generated always as identity primary key,
+  map_id        integer not null references semap.map on delete cascade,
+  kind          text not null check (kind in ('track', 'instance')),
+  condition     jsonb not null,
+  said          text[] not null
+);
+create unique index condition_known on semap.condition (map_id, kind, md5(condition::text));
+
 create table semap.continuous_query (
   query_id            integer generated always as identity primary key,
   map_id              integer not null references semap.map on delete cascade,
@@ -9,10 +20,12 @@ create table semap.continuous_query (
   subject_concept_id  integer references semap.concept,
   subject_uids        uuid[],
   subject_where       jsonb check (jsonb_typeof(subject_where) = 'object'),
+  subject_condition_id  integer references semap.condition,
   object_kind         text not null default 'instance' check (object_kind in ('track', 'instance')),
   object_concept_id   integer references semap.concept,
   object_uids         uuid[],
   object_where        jsonb check (jsonb_typeof(object_where) = 'object'),
+  object_condition_id  integer references semap.condition,
   distance_m          double precision check (distance_m > 0 and distance_m <= 1e4),
   count               integer check (count between 1 and 100),
   angle_rad           double precision check (angle_rad > 0 and angle_rad <= pi()),

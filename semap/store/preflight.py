@@ -22,6 +22,7 @@ ROLES = (
     "semap_ingest_map",
     "semap_api_map",
     "semap_read_map",
+    "semap_compile",
 )
 
 Finding = tuple[str, str]

@@ -10,9 +10,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import psycopg
 from psycopg import errors
@@ -20,8 +18,10 @@ from sqlalchemy import Connection, text
 
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
+from semap.store.conditions import compile_again
 from semap.store.database import connect, one_transaction, translated
 from semap.store.object_comment import comment_statements
+from semap.store.schema_files import schema_folder
 
 log = logging.getLogger(__name__)
 
@@ -46,15 +46,6 @@ class Migrated:
     version_before: str | None
     version: str
     behaviour_changed: bool
-
-
-def schema_folder(name: str) -> Path:
-    """Where `sql`, `migrations` or a folder of it lies: in the installed package or the checkout."""
-    package = Path(semap.__file__).parent
-    for folder in (package / "schema" / name, package.parent / name):
-        if folder.is_dir():
-            return folder
-    raise DatabaseError(f"The folder {name}/ is missing.", "Install semap again.")
 
 
 def migrate(dsn: str, *, slot: bool = True) -> Migrated:
@@ -155,13 +146,6 @@ def _upgrade(connection: Connection) -> str | None:
     return before
 
 
-def migration_texts() -> Iterator[str]:
-    """The SQL of all migrations in their order: of versions/0001_baseline.py that of the folder baseline/."""
-    for version in sorted(schema_folder("migrations").glob("versions/[0-9]*.py")):
-        for file in sorted(schema_folder(f"migrations/{version.stem[5:]}").glob("*.sql")):
-            yield file.read_text()
-
-
 def run_files(connection: Connection, folder: str) -> None:
     """Run the SQL of a folder, in the order of its files' names, and make comments of the sentences in it."""
     cursor = connection.connection.cursor()
@@ -182,6 +166,7 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
     if not again and connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
     run_files(connection, "sql")
+    compile_again(connection)
     connection.execute(text("delete from semap.behaviour"))
     connection.execute(
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}

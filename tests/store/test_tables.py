@@ -10,7 +10,8 @@ from sqlalchemy.dialects.postgresql import dialect
 from sqlalchemy.types import NullType, TypeEngine
 
 from semap.store import schema
-from semap.store.schema import FORGET, migrate, migration_texts, schema_folder
+from semap.store.schema import FORGET, migrate
+from semap.store.schema_files import migration_texts, schema_folder
 from semap.store.tables import TABLES, VIEWS, read_tables
 
 SECOND = """

@@ -27,7 +27,7 @@ QUERIES = {
     "ways": {"longest_gap": timedelta(seconds=5), "fastest_mps": 10, "leave_confirm": timedelta(seconds=1)},
     "near": {"predicate": "within_distance", "distance_m": 0.5, "enter_margin_m": 0.2},
     "likely": {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 2},
-    "about": {"subject_where": json.dumps({"op": "like", "args": [{"property": "name"}, "t1%"]})},
+    "about": {"subject_where": {"op": "like", "args": [{"property": "name"}, "t1%"]}},
 }
 
 
@@ -36,7 +36,7 @@ def add_query(world: World, name: str, **values: object) -> None:
     world.run(
         f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
         f" select %s, %s, concept_id{', %s' * len(values)} from semap.concept where name = 'Room'",
-        world.map_id, name, *values.values(),
+        world.map_id, name, *(world.keep_where(each) if isinstance(each, dict) else each for each in values.values()),
     )  # fmt: skip
 
 

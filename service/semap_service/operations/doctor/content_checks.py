@@ -30,8 +30,8 @@ SHAPELESS = """
     where s.enabled and s.kind = 'instance' and (s.concept_id is not null or s.uids is not null)
       and (s.concept_id is null or i.concept_id in (select semap.concepts_below(s.concept_id)))
       and (s.uids is null or i.uid = any (s.uids))
-      and (s.condition is null or semap.condition_holds(
-             s.condition, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
+      and (s.condition_id is null
+           or semap.condition_holds(s.condition_id, s.said, i.name, i.alias, i.attributes))
       and (s.in_pairs or s.is_object)
       and not exists (select from semap.region r
                       where (r.query_id, r.instance_id) = (s.query_id, i.instance_id))
