@@ -28,6 +28,12 @@ language sql immutable parallel safe as $$
              null, null, null, null)::semap.relation_state
 $$;
 
+-- What is seen of a relation when nothing is seen of it: the time.
+create or replace function semap.time_passed(p_at timestamptz) returns semap.observation
+language sql immutable parallel safe as $$
+  select row(p_at, null, null, null, null, null, false, null)::semap.observation
+$$;
+
 -- When a relation that was confirmed, or ended, just now began or ended: where its boundary was crossed last, if that
 -- was in the same direction; else where what is confirmed became pending.
 create or replace function semap.transition_time(p_state semap.relation_state) returns timestamptz
