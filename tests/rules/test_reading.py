@@ -187,9 +187,9 @@ WRONG = [
     ({**EDGES, "where": True}, "where", "a text is needed"),
     ({**EDGES, "where": "prev(type) = 'began'"}, "where", "prev is of patterns of rows only"),
     ({**EDGES, "partition_by": "rom"}, "partition_by", "Did you mean room?"),
-    ({**EDGES, "partition_by": ["room", "stamp"]}, "partition_by[1]", "cannot be told apart by stamp"),
+    ({**EDGES, "partition_by": ["room", "stamp"]}, "partition_by[1]", "cannot be partitioned by stamp"),
     ({**EDGES, "partition_by": ["room", "room"]}, "partition_by[1]", "room is there twice"),
-    ({**EDGES, "partition_by": "attributes."}, "partition_by", "cannot be told apart"),
+    ({**EDGES, "partition_by": "attributes."}, "partition_by", "cannot be partitioned"),
     ({**EDGES, "partition_by": []}, "partition_by", "0 properties"),
     ({**PATTERN, "pattern": 3}, "pattern", "a text is needed"),
     ({**PATTERN, "pattern": "A followd by B"}, "pattern", "line 1, character 11"),
@@ -225,9 +225,9 @@ WRONG = [
     ({**PATTERN, "within": 0}, "within", "too short"),
     ({**PATTERN, "within": {"match": "6 s", "C": "3 s"}}, "within.C", "there is no variable C"),
     ({**PATTERN, "within": {}}, "within", "a mapping is needed"),
-    ({**PATTERN, "after_match": "skip"}, "after_match", "where to go on"),
-    ({**PATTERN, "after_match": "skip to first"}, "after_match", "where to go on"),
-    ({**PATTERN, "after_match": "no skip A"}, "after_match", "where to go on"),
+    ({**PATTERN, "after_match": "skip"}, "after_match", "where to continue"),
+    ({**PATTERN, "after_match": "skip to first"}, "after_match", "where to continue"),
+    ({**PATTERN, "after_match": "no skip A"}, "after_match", "where to continue"),
     ({**PATTERN, "after_match": "skip to first C"}, "after_match", "no row is bound to C"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "sigma": 3}}, "confidence.sigma", "normal has no sigma"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "distribution": "norml"}}, "confidence.distribution", "normal?"),
@@ -236,7 +236,7 @@ WRONG = [
     ({**PATTERN, "confidence": {**CONFIDENCE, "at_least": 1.5}}, "confidence.at_least", "out of range"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "gap": ["A"]}}, "confidence.gap", "two variables"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "gap": ["A", "C"]}}, "confidence.gap[1]", "bound to C"),
-    ({**PATTERN, "define": {"B": "track = first(A.actor)"}}, "input", "no input says how near"),
+    ({**PATTERN, "define": {"B": "track = first(A.actor)"}}, "input", "no input has actor_within_m"),
 ]  # fmt: skip
 
 
