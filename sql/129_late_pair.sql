@@ -242,11 +242,12 @@ begin
       union all
       -- who was not heard of for a while is where it was
       select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0)
-      from semap.track_now n
+      from (select n.track_id from semap.track_now n
+            where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
+              and not exists (select from semap.track_state s where s.track_id = n.track_id and s.stamp <= p_from
+                                                                and s.stamp >= p_from - interval '1 min')
+            offset 0) n
       cross join lateral semap.state_before(n.track_id, p_from) b
-      where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
-        and not exists (select from semap.track_state s where s.track_id = n.track_id and s.stamp <= p_from
-                                                          and s.stamp >= p_from - interval '1 min')
     ), box as (
       select min(x_m) as x_min_m, max(x_m) as x_max_m, min(y_m) as y_min_m, max(y_m) as y_max_m,
              max(size_m) + v_reach_m as reach_m
