@@ -34,8 +34,8 @@ from semap.rules.engine.run_over import run_over
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.lookback import lookback_us
 from semap.rules.row import Row
-from semap.store.database import connect, translated
-from semap.store.retention import require_states
+from semap.store.database.connection import connect, translated
+from semap.store.operate.retention import require_states
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import Span, history_rows

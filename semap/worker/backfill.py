@@ -18,7 +18,7 @@ from semap.rules.engine.needs import needs_of, properties_read
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.row import Row
-from semap.store.retention import require_kept
+from semap.store.operate.retention import require_kept
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows

@@ -18,8 +18,8 @@ from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.language.reading import parse_declaration
 from semap.rules.row import Row
-from semap.store.database import translated
-from semap.store.retention import require_kept, require_states
+from semap.store.database.connection import translated
+from semap.store.operate.retention import require_kept, require_states
 from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import Span, history_rows

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as connect_socket
 
 from semap.errors import InvalidInput
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 SITE = "https://maps.example"
 

@@ -17,7 +17,7 @@ from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from semap.store.live import LiveMap, live_map
+from semap.store.motion.live import LiveMap, live_map
 
 SCHEMAS = {
     kind: Draft202012Validator(

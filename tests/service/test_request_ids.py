@@ -11,7 +11,7 @@ from running import Service
 from websockets.sync.client import connect as open_socket
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 TRACE = "4bf92f3577b34da6a3ce929d0e0e4736"
 PARENT = f"00-{TRACE}-00f067aa0ba902b7-01"
