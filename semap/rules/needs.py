@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from semap.rules.condition import reads
 from semap.rules.declaration import Declaration, Edges
-from semap.rules.language.condition import reads
 
 OF_ACTOR = frozenset({"actor", "actor_id", "actor_likelihood", "actor_distance_m"})
 LOOKED_UP = OF_ACTOR | {"position", "footprint"}

@@ -39,8 +39,8 @@ from semap.cql2.logic import Code, code
 from semap.cql2.text import place_of
 from semap.cql2.value import instant_text, json_at
 from semap.errors import InvalidInput
+from semap.rules.binding import AGGREGATES, NAVIGATION, seconds_between
 from semap.rules.bound import Bound, Condition
-from semap.rules.language.binding import AGGREGATES, NAVIGATION, seconds_between
 from semap.rules.row import PROPERTIES, Value
 
 VARIABLE: tuple[Kind, ...] = ("text",)
