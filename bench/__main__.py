@@ -41,7 +41,7 @@ from bench import (
 )
 from bench.figure import Rows, as_json, joined
 from semap.cluster import Cluster, lease
-from semap.store.schema import migrate
+from semap.store.operate.schema import migrate
 
 RESULTS = Path(__file__).parent / "results.json"
 

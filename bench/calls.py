@@ -22,7 +22,7 @@ from bench.figure import Rows, figure
 from semap.cql2.value import like
 from semap.errors import InvalidInput
 from semap.query_text import declaration_of
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 ROUNDS = 5
 LEGS = 2000

@@ -12,7 +12,7 @@ import time
 import psycopg
 
 from bench.figure import as_json, figure
-from semap.store.conditions import compiled
+from semap.store.relation.conditions import compiled
 
 ROUNDS = 5
 CONDITION = {

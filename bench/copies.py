@@ -9,7 +9,7 @@ import psycopg
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 from psycopg.sql import SQL, Identifier
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 CREATE = "create database {} template {} strategy file_copy"
 DROP_SLOTS = """

@@ -151,9 +151,9 @@ def import_rooms(connection: psycopg.Connection, name: str, rooms: Sequence[shap
     from uuid import uuid4  # noqa: PLC0415
 
     from semap.model.building import Building, HeightBand, Item  # noqa: PLC0415
-    from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import create_map  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.building import import_building  # noqa: PLC0415
+    from semap.store.map.maps import create_map  # noqa: PLC0415
 
     items = tuple(
         Item(uid=uuid4(), name=f"room {i}", concept="Room", footprint=room, band=HeightBand(0, 3))

@@ -26,7 +26,7 @@ from shapely.affinity import translate
 from bench.crowd import RATE_HZ, Floor, batches, build_map, walk
 from bench.figure import Rows, figure, percentiles, timed_ms
 from bench.shapes import edit
-from semap.store.database import connect, open_engine
+from semap.store.database.connection import connect, open_engine
 from semap.timeline.stamp import parse_stamp
 
 FLOOR = Floor(40, 25)

@@ -30,7 +30,7 @@ from semap_service.processes.port import free_port
 from semap_service.processes.supervisor import Supervisor
 
 from bench.figure import once
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 READERS = 450
 DEAF = 50

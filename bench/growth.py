@@ -32,7 +32,7 @@ from bench.crowd import RATE_HZ, Floor, build_map, framed, source_of, walk
 from bench.figure import Figure, Rows
 from bench.in_turn import BATCH, Case, compare, thousands
 from semap.picture.figure import FAINT, TRACKS, new_figure, save
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import parse_stamp
 
 PICTURE = Path(__file__).with_suffix(".png")

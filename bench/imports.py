@@ -17,7 +17,7 @@ from semap_service.exchange.map_file import bring_in, read_file
 
 from bench.figure import Rows, once
 from semap.errors import InvalidInput
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 ROOMS = (200, 100)
 DOORS = 19_500

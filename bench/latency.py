@@ -34,7 +34,7 @@ from semap_service.processes.supervisor import Supervisor
 
 from bench.crowd import RATE_HZ, Floor, build_map, frame_stamps, framed, source_of, walk
 from bench.figure import Rows, percentiles
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import parse_stamp
 
 FIRST_US = parse_stamp("2026-01-02T00:00:00Z")

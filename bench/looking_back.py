@@ -15,13 +15,13 @@ from sqlalchemy import Connection, text
 
 from bench import operators
 from bench.figure import once, percentiles, timed_ms
-from semap.store import moment, track_history
-from semap.store.database import connect, open_engine
+from semap.store.database.connection import connect, open_engine
 from semap.store.features.collection import get_collection
 from semap.store.features.page import Box, Cursor, SortKey, Wanted, read_page
 from semap.store.features.placing import CRS84, MAP_FRAME, placing_of
-from semap.store.maintenance import maintain
-from semap.store.maps import create_map
+from semap.store.map.maps import create_map
+from semap.store.motion import moment, track_history
+from semap.store.operate.maintenance import maintain
 
 TRACKS = 50
 HOURS = 4

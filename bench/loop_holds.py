@@ -25,7 +25,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bench.figure import once
 from bench.hostile import Attack, attacks
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 BEAT_S = 0.001
 ASKED_AT = "/longest-hold"

@@ -19,9 +19,9 @@ from semap.geometry.abstractions import derive
 from semap.geometry.prism import extrude
 from semap.model.building import HeightBand
 from semap.model.source_geometry import BODY, OUTLINE, SourceGeometry
-from semap.store.database import connect, one_transaction
-from semap.store.description import insert_descriptions, write_descriptions
-from semap.store.maps import create_map
+from semap.store.database.connection import connect, one_transaction
+from semap.store.map.description import insert_descriptions, write_descriptions
+from semap.store.map.maps import create_map
 
 THINGS = 100_000
 ROOMS = 10_000

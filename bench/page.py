@@ -24,7 +24,7 @@ from semap_service.processes.supervisor import Supervisor
 
 from bench.crowd import Floor, build_map, walk
 from bench.figure import once
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 TRACKS = 50
 TRIANGLES = 50_000

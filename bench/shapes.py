@@ -19,8 +19,8 @@ from bench.copies import copied, without_slots
 from bench.crowd import Floor, add_tracks, import_rooms, walk
 from bench.figure import Rows, figure, once, timed_ms
 from bench.in_turn import Case, compare, thousands
-from semap.store.database import connect, open_engine
-from semap.store.instance_edit import Changes, edit_instance
+from semap.store.database.connection import connect, open_engine
+from semap.store.map.instance_edit import Changes, edit_instance
 from semap.timeline.stamp import parse_stamp
 
 ROUNDS = 5

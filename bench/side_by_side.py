@@ -26,7 +26,7 @@ from bench.crowd import Crowd, Floor, build_map, walk
 from bench.figure import figure, once
 from bench.in_turn import copy_states
 from bench.peers import Changes, Fed, Named, Peer, PeerMissing, ordered, peers
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 ROUNDS = 5
 FRAMES = 120

@@ -27,7 +27,7 @@ from semap_ingest.state_frame import insert_frame
 from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk
 from bench.figure import Rows, figure
 from bench.throughput import BARE_TABLE, COPY_BARE, FIRST_US, FLOOR
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 TRACKS = (1, 20, 67)
 ROUNDS = 5

@@ -21,7 +21,7 @@ from semap_ingest.state_frame import insert_frame
 
 from bench.crowd import Floor, batches, build_map, framed, source_of, walk
 from bench.figure import figure
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 BARE_TABLE = """
     create table bare (

@@ -1,4 +1,4 @@
-"""Alembic's entry: migrate over the connection that semap.store.schema hands in."""
+"""Alembic's entry: migrate over the connection that semap.store.operate.schema hands in."""
 
 from alembic import context
 

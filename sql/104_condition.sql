@@ -1,6 +1,6 @@
--- Conditions of continuous queries. semap.store.conditions compiles each to SQL once, when a query is stored, and keeps
--- it here as a function, whose plan a session makes once; what a condition says (texts, numbers, times, keys) is in
--- none of that SQL, and is passed as `said`. The triggers that ask have the rights of the schema's owner: only
+-- Conditions of continuous queries. semap.store.relation.conditions compiles each to SQL once, when a query is stored,
+-- and keeps it here as a function, whose plan a session makes once; what a condition says (texts, numbers, times, keys)
+-- is in none of that SQL, and is passed as `said`. The triggers that ask have the rights of the schema's owner: only
 -- semap_compile may call semap.keep_condition, and a query whose condition is not kept is refused.
 
 -- Keep a condition of queries of a map, on tracks or on instances, as what was compiled of it.

@@ -10,8 +10,8 @@ from server import fresh_database, make_template, running_cluster
 from world import World
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 # The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
 settings.register_profile("steady", derandomize=True, deadline=None)

@@ -9,9 +9,9 @@ from semap_ingest.replay import Plan, replay
 from semap_ingest.track_file import Tracks
 
 from semap.model.building import Building
-from semap.store.building import ImportReport, import_building
-from semap.store.database import connect, one_transaction
-from semap.store.maps import create_map
+from semap.store.database.connection import connect, one_transaction
+from semap.store.map.building import ImportReport, import_building
+from semap.store.map.maps import create_map
 
 EVENTS = """
     select type, cause, track_name, instance_name, extract(epoch from e.stamp)::float8

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import psycopg
 from patience import moment
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.worker import rule_worker
 from semap.worker.rule_worker import work
 

@@ -14,7 +14,7 @@ from psycopg.sql import SQL, Identifier
 
 from semap.cluster import Cluster, lease
 from semap.cluster.cluster import SUPERUSER
-from semap.store.schema import migrate
+from semap.store.operate.schema import migrate
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.

@@ -13,8 +13,8 @@ import shapely
 from careful_oracle import Asked, Sample
 
 from semap.model.continuous_query import Kind
-from semap.store.conditions import compiled
-from semap.store.database import connect
+from semap.store.database.connection import connect
+from semap.store.relation.conditions import compiled
 from semap.timeline.stamp import to_datetime
 
 SECOND_US = 1_000_000

@@ -21,7 +21,7 @@ from semap_ingest.state_copy import COLUMNS
 
 from bench.crowd import Crowd
 from bench.peers import Fed, Named, ordered
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 COPY = f"copy row_trigger.track_position ({', '.join(COLUMNS)}) from stdin (format binary)"
 INDEX = "create index fence_area on row_trigger.fence using spgist (area)"

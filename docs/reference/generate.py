@@ -25,7 +25,7 @@ from semap.rules.language.reading import ALL_CLAUSES
 from semap.rules.language.template import TEMPLATES
 from semap.rules.language.words import OF_FORMULAS, OF_PATTERNS
 from semap.rules.row import PROPERTIES
-from semap.store.object_comment import comments_in
+from semap.store.operate.object_comment import comments_in
 
 CHECKOUT = Path(__file__).parents[2]
 MODELS = "ingest/semap_ingest/models"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from semap.store.operator_table import GROUPS, OPERATORS, Operator, Parameter
+from semap.store.map.operator_table import GROUPS, OPERATORS, Operator, Parameter
 
 RUN = "POST /maps/{name}/operators/{operator}"
 

@@ -22,8 +22,8 @@ from semap.errors import DatabaseError
 from semap.replication.pgoutput import Change, Row
 from semap.replication.snapshot import begin_at_snapshot
 from semap.replication.stream import ReplicationStream, start
-from semap.store.database import connect, translated
-from semap.store.patience import Patience
+from semap.store.database.backoff import Patience
+from semap.store.database.connection import connect, translated
 
 log = logging.getLogger(__name__)
 

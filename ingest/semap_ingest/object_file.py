@@ -16,10 +16,10 @@ import numpy as np
 from sqlalchemy import Connection, text
 
 from semap.errors import NotFound
-from semap.store.database import open_engine, translated
-from semap.store.maps import map_id_of
-from semap.store.name import require_plain_name
-from semap.store.object_states import NewObjectState, add_object_states, end_source, hold_back_source
+from semap.store.database.connection import open_engine, translated
+from semap.store.database.name import require_plain_name
+from semap.store.map.maps import map_id_of
+from semap.store.motion.object_states import NewObjectState, add_object_states, end_source, hold_back_source
 from semap.timeline.stamp import MICROSECOND, to_datetime
 from semap_ingest.left_out import NOTHING, TOLD, LeftOut
 from semap_ingest.stamp_column import read_stamps

@@ -23,11 +23,11 @@ from psycopg.types.json import Jsonb
 from semap.errors import Conflict, InvalidInput, ServerUnavailable
 from semap.geometry.error_ellipse import Ellipses, turned
 from semap.geometry.pose import transform_points
-from semap.store.database import connect, one_transaction, translated
-from semap.store.name import require_plain_name
-from semap.store.patience import Patience
-from semap.store.placement import map_from_named_frame
-from semap.store.tracks import described
+from semap.store.database.backoff import Patience
+from semap.store.database.connection import connect, one_transaction, translated
+from semap.store.database.name import require_plain_name
+from semap.store.map.placement import map_from_named_frame
+from semap.store.motion.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.standing import Plan, Standing, look_up, stored_already, track_uid
 from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, copy_rows, pack_states

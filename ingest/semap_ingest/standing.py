@@ -10,7 +10,7 @@ import numpy as np
 import psycopg
 
 from semap.errors import Conflict, NotFound
-from semap.store.database import translated
+from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime
 from semap_ingest.track_file import Tracks
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semap.errors import InvalidInput
 from semap.geometry.error_ellipse import Ellipses, ellipses_of, is_covariance
 from semap.model.building import Finding
-from semap.store.name import require_plain_name
+from semap.store.database.name import require_plain_name
 from semap_ingest import table_file
 from semap_ingest.left_out import NOTHING, LeftOut
 from semap_ingest.stamp_column import read_stamps

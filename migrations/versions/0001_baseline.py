@@ -2,7 +2,7 @@
 
 from alembic import op
 
-from semap.store.schema import run_files
+from semap.store.operate.schema import run_files
 
 revision = "0001"
 down_revision = None

@@ -28,14 +28,14 @@ from semap.batch.stored_tracks import StoredStates, StoredTrack, read_regions, r
 from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
-from semap.rules.engine.needs import Needs, needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.lookback import lookback_us
+from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row
-from semap.store.database import connect, translated
-from semap.store.retention import require_states
+from semap.store.database.connection import connect, translated
+from semap.store.operate.retention import require_states
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import Span, history_rows

@@ -12,8 +12,8 @@ import shapely
 from numpy.typing import NDArray
 
 from semap.batch.crossing import Area
-from semap.store.database import translated
-from semap.store.track_history import ALL_STATES, within
+from semap.store.database.connection import translated
+from semap.store.motion.track_history import ALL_STATES, within
 
 STATES = f"""
     select s.track_id, (extract(epoch from s.stamp) * 1000000)::bigint, s.x_m, s.y_m, coalesce(s.z_m, 'nan'),

@@ -1,7 +1,7 @@
 """CQL2 asked of things in memory: an expression becomes a Python function.
 
-It means what `semap.store.cql2_sql` has PostGIS make of it, with three-valued logic. Instants are ints
-[us since 1970]. What the function is given, and how it finds properties in that, the subject says.
+It means what `semap.store.database.cql2_sql` has PostGIS make of it, with three-valued logic. Instants are
+ints [us since 1970]. What the function is given, and how it finds properties in that, the subject says.
 """
 
 from __future__ import annotations

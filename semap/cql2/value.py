@@ -1,4 +1,4 @@
-"""What CQL2's operators say of values in memory, as `semap.store.cql2_sql` has PostGIS say it.
+"""What CQL2's operators say of values in memory, as `semap.store.database.cql2_sql` has PostGIS say it.
 
 A value is None (unknown), a bool, a number, a text, a list, a dict (JSON), a shapely geometry seen from
 above, or an instant as an int [us since 1970]. What is asked of an unknown value is unknown.

@@ -23,7 +23,7 @@ from semap.model.source_geometry import SourceGeometry
 
 @dataclass(frozen=True)
 class ConceptEntry:
-    """A kind of thing, with the kinds right above it; see `semap.store.concept.Concept`."""
+    """A kind of thing, with the kinds right above it; see `semap.store.map.concept.Concept`."""
 
     name: str
     parents: tuple[str, ...] = ()

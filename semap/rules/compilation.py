@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from semap.rules.bound import Bound, Condition
+from semap.rules.condition import compile_condition, compile_measure
 from semap.rules.confidence import confidence_of
 from semap.rules.declaration import (
     AfterMatch,
@@ -14,10 +15,9 @@ from semap.rules.declaration import (
     RowPattern,
     TemporalFormula,
 )
-from semap.rules.engine.edges_program import EdgesProgram
+from semap.rules.edges_program import EdgesProgram
 from semap.rules.finish import Finish
 from semap.rules.interval.interval_program import IntervalProgram
-from semap.rules.language.condition import compile_condition, compile_measure
 from semap.rules.matching.pattern_program import PatternProgram
 from semap.rules.pattern import Node
 from semap.rules.program import Program

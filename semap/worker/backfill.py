@@ -14,11 +14,11 @@ import psycopg
 from semap.errors import InvalidInput
 from semap.model.event import Event
 from semap.rules.declaration import Declaration, IntervalPattern, TemporalFormula
-from semap.rules.engine.needs import needs_of, properties_read
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
+from semap.rules.needs import needs_of, properties_read
 from semap.rules.row import Row
-from semap.store.retention import require_kept
+from semap.store.operate.retention import require_kept
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows

@@ -9,7 +9,7 @@ from threading import Event as Signal
 from threading import Thread
 
 from semap.errors import SemapError
-from semap.store.patience import Reminder
+from semap.store.database.backoff import Reminder
 
 PATIENCE_S = 5.0
 

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 import psycopg
 import shapely
 
-from semap.rules.engine.needs import LOOKED_UP, Needs
 from semap.rules.engine.preparation import ACTOR_NEARER
+from semap.rules.needs import LOOKED_UP, Needs
 from semap.rules.row import Row, Value
-from semap.store.database import translated
-from semap.store.track_history import ALL_STATES, within
+from semap.store.database.connection import translated
+from semap.store.motion.track_history import ALL_STATES, within
 from semap.timeline.stamp import to_datetime
 from semap.worker.actor import Candidate, likeliest
 

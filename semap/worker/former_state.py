@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import psycopg
 
 from semap.rules.row import Row
-from semap.store.database import translated
+from semap.store.database.connection import translated
 
 FORMER = """
     select o.uid::text, b.value, (extract(epoch from b.since) * 1000000)::bigint

@@ -17,7 +17,7 @@ from semap.errors import TooLarge
 from semap.model.event import Event
 from semap.rules.engine.rule import Rule
 from semap.rules.row import Row, Source
-from semap.store.database import translated
+from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.input_row import READERS, RELATION_COLUMNS, event_row, event_text
 from semap.worker.map_facts import MapFacts

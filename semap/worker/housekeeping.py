@@ -13,7 +13,7 @@ from functools import partial
 from threading import Event as Signal
 
 from semap.errors import SemapError
-from semap.store.maintenance import Maintained, maintain
+from semap.store.operate.maintenance import Maintained, maintain
 from semap.worker.beside import beside
 
 log = logging.getLogger(__name__)

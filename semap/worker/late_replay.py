@@ -22,7 +22,7 @@ from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
 from semap.rules.lookback import lookback_us
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import parse_stamp, to_datetime, to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import SINCE_EVER, Span, history_rows

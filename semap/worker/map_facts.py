@@ -16,7 +16,7 @@ import psycopg
 
 from semap.replication.pgoutput import Change, Row
 from semap.rules.row import Value
-from semap.store.database import translated
+from semap.store.database.connection import translated
 
 PUBLICATION = "semap_map"
 TABLES = ("concept", "concept_parent", "instance", "door_room")

@@ -13,13 +13,13 @@ from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.confidence import learn
 from semap.rules.declaration import Declaration
-from semap.rules.engine.needs import needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.language.reading import parse_declaration
+from semap.rules.needs import needs_of
 from semap.rules.row import Row
-from semap.store.database import translated
-from semap.store.retention import require_kept, require_states
+from semap.store.database.connection import translated
+from semap.store.operate.retention import require_kept, require_states
 from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import Span, history_rows

@@ -17,7 +17,7 @@ from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.engine import Changes, Engine
 from semap.rules.engine.sources import NEVER_US
-from semap.store.database import translated
+from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.idleness import Heard
 from semap.worker.inputs import read_rule

@@ -20,9 +20,9 @@ from threading import Event as Signal
 from sqlalchemy import Connection, Engine, func, select, update
 
 from semap.errors import CallerError, InvalidInput, ServerUnavailable
-from semap.store.database import listen, one_session, translated, wait_for_notice
-from semap.store.queries import add_query, declaration_from_sql
-from semap.store.tables import map_, query_request
+from semap.store.database.connection import listen, one_session, translated, wait_for_notice
+from semap.store.database.tables import map_, query_request
+from semap.store.relation.queries import add_query, declaration_from_sql
 from semap.worker.beside import again_and_again, beside
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from semap.model.relation import Amendment, Cause, Direction, Kind
 from semap.replication.pgoutput import Change
 from semap.replication.snapshot import begin_at_snapshot
 from semap.replication.stream import start
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import parse_stamp, to_datetime
 
 PUBLICATIONS = ("semap_change",)

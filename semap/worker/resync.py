@@ -14,7 +14,7 @@ from psycopg.rows import dict_row
 
 from semap.errors import Conflict
 from semap.replication.pgoutput import Change, Transaction, parse_lsn
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_us
 from semap.worker.input_row import READERS, RELATION_COLUMNS
 from semap.worker.map_facts import load_map_facts

@@ -17,7 +17,7 @@ from threading import Event as Signal
 import psycopg
 
 from semap.errors import SemapError, ServerUnavailable
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap.worker.beside import again_and_again, beside
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from semap.errors import InvalidInput, UntrustedBytes
 from semap.model.event import Event
 from semap.replication.pgoutput import Change, Transaction
 from semap.rules.engine.engine import Due
-from semap.rules.engine.needs import Needs
+from semap.rules.needs import Needs
 from semap.rules.row import Row
 from semap.worker.backfill import begin_rule
 from semap.worker.enrichment import enriched

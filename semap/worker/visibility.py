@@ -11,7 +11,7 @@ from collections.abc import Collection
 import psycopg
 
 from semap.errors import ServerUnavailable
-from semap.store.database import translated
+from semap.store.database.connection import translated
 
 FIRST_PAUSE_S = 0.0002
 PATIENCE_S = 30.0

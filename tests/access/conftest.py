@@ -5,8 +5,8 @@ from guarded import Building, furnish, give_tokens, guarded
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 
 @pytest.fixture(scope="module")

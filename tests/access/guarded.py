@@ -19,8 +19,8 @@ from semap_service.serving.app import create_app
 from semap_service.serving.uvicorn_server import OPTIONS
 from world import World
 
-from semap.store.database import one_transaction
-from semap.store.tokens import add_token, revoke_token
+from semap.store.database.connection import one_transaction
+from semap.store.operate.tokens import add_token, revoke_token
 
 KINDS = ("read", "write", "ingest", "admin")
 NEVER = "semap_" + "x" * 43

@@ -16,8 +16,8 @@ from semap_service.serving.app import create_app
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

@@ -7,7 +7,7 @@ import pytest
 from patience import PATIENCE_S, until
 from web_socket import connect
 
-from semap.store.database import connect as connect_database
+from semap.store.database.connection import connect as connect_database
 
 
 def happen(building, map_name: str) -> int:

@@ -21,7 +21,7 @@ from web_socket import connect as connect_socket
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from semap.errors import InvalidInput
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 SITE = "https://maps.example"
 

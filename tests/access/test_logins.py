@@ -18,7 +18,7 @@ from psycopg.conninfo import make_conninfo
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
 FORGED = ("", "{1,2}", "{2}", "{NULL}", "{1,NULL}")

@@ -17,7 +17,7 @@ from semap_service.serving.app import create_app
 from sqlalchemy import event
 from web_socket import connect
 
-from semap.store.operator_table import OPERATORS
+from semap.store.map.operator_table import OPERATORS
 
 USELESS = (None, "wrong", "revoked", "expired")
 KINDS = ("read", "write", "ingest", "admin")

@@ -22,8 +22,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.store.database import connect, one_transaction
-from semap.store.tokens import add_token, has_tokens, revoke_token
+from semap.store.database.connection import connect, one_transaction
+from semap.store.operate.tokens import add_token, has_tokens, revoke_token
 
 
 def stored(service: Guarded) -> str:

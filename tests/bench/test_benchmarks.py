@@ -13,7 +13,7 @@ from bench import edits, growth, imports, latency, shapes, throughput
 from bench.copies import copied
 from bench.crowd import Floor, build_map
 from bench.figure import Figure, Rows, as_json, figure, joined, once, percentiles
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 FLOOR = Floor(4, 3)
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from world import World
 
 from semap.errors import InvalidInput, NotFound
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PATIENCE_S = 60.0
 

@@ -10,7 +10,7 @@ import pytest
 from semap_service.cli import main
 from standardwebhooks.webhooks import Webhook
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 Semap = Callable[..., tuple[int, str, str]]
 JOB = """

@@ -10,7 +10,7 @@ import psycopg
 import pytest
 from semap_service.cli import main
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 Semap = Callable[..., tuple[int, str, str]]
 STATES = """

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from semap import AsyncClient, Client
 from semap.client import Event, Job, NewObjectState, Pose, Selection
 from semap.errors import ChangedMeanwhile, Conflict, InvalidInput, NoLongerKept, NotFound
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import parse_stamp, to_datetime
 
 FOLDER = Path(demo.__file__).parent

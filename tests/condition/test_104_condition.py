@@ -17,9 +17,9 @@ from semap.cql2.evaluate import Subject, compile_expression, compile_filter
 from semap.cql2.logic import code
 from semap.cql2.text import DEEPEST
 from semap.errors import InvalidInput
-from semap.store.conditions import ASKED_OF, compiled, keep_condition
-from semap.store.cql2_sql import Thing, condition
-from semap.store.database import connect, one_transaction
+from semap.store.database.connection import connect, one_transaction
+from semap.store.database.cql2_sql import Thing, condition
+from semap.store.relation.conditions import ASKED_OF, compiled, keep_condition
 
 KINDS = ASKED_OF["track"]
 NAMES = [

@@ -16,10 +16,10 @@ from world import World
 
 from semap.errors import InvalidInput, NotPermitted
 from semap.model.continuous_query import Declaration, Side
-from semap.store.conditions import keep_condition
-from semap.store.database import connect, one_transaction
-from semap.store.queries import add_query, change_query, delete_query
-from semap.store.schema import migrate
+from semap.store.database.connection import connect, one_transaction
+from semap.store.operate.schema import migrate
+from semap.store.relation.conditions import keep_condition
+from semap.store.relation.queries import add_query, change_query, delete_query
 
 WRITERS = ("semap_api", "semap_admin", "semap_api_map")
 NAMED = {"op": "like", "args": [{"property": "name"}, "x%"]}

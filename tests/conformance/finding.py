@@ -6,7 +6,7 @@ from conformance.case import Case, Found, pairs_of
 from rules.enumerator import enumerate_matches
 
 from semap.rules.compilation import compile_rule
-from semap.rules.language.condition import compile_condition
+from semap.rules.condition import compile_condition
 from semap.rules.matching.automaton import FOREVER_US
 
 Both = tuple[list[Found], list[Found]]

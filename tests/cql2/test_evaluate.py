@@ -20,8 +20,8 @@ from semap.cql2.evaluate import Subject, compile_expression, compile_filter
 from semap.cql2.logic import code
 from semap.cql2.value import instant_of, lower, without_accents
 from semap.errors import InvalidInput
-from semap.store.cql2_sql import Thing, condition
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
+from semap.store.database.cql2_sql import Thing, condition
 from semap.timeline.stamp import to_datetime
 
 KINDS: dict[str, Kind] = {

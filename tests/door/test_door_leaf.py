@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from world import World
 
 from semap.formats.door_leaf import LIMITS, OTHERWISE
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 DOORS = [
     Door("north", 2.0, 5.0, 0.0),

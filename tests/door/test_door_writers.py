@@ -15,7 +15,7 @@ from door_plan import SCAN_US, Door, DoorPlan
 from patience import moment
 from world import World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
 
 PATIENCE_S = 60.0

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
 
 

@@ -18,7 +18,7 @@ from semap_service.demo.scenes import scenes
 from shapely.geometry import shape
 
 from semap.formats import read_building
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 
 def flat_oracle() -> list[tuple[str, float]]:

@@ -16,8 +16,8 @@ from world import SECOND_US, World
 from semap.errors import InvalidInput, NotFound
 from semap.model.event_log import Lane, Mark, Stay
 from semap.picture.timeline import MOST_DRAWN, MOST_LANES, draw_timeline
-from semap.store.database import connect
-from semap.store.event_log import Selection, lanes, log_entries
+from semap.store.database.connection import connect
+from semap.store.event.event_log import Selection, lanes, log_entries
 
 DAY_US = 1_767_225_600 * SECOND_US
 OPENED = (

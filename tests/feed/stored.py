@@ -7,7 +7,7 @@ from typing import Any
 from uuid import UUID
 
 from semap.model.event import Evidence
-from semap.store.events import StoredEvent
+from semap.store.event.events import StoredEvent
 
 STAMP = datetime(2026, 1, 31, 12, tzinfo=UTC)
 

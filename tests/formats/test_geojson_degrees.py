@@ -17,11 +17,11 @@ from semap.cluster import Cluster
 from semap.errors import Conflict, InvalidInput
 from semap.formats.geojson import parse_geojson
 from semap.geometry.utm import LATITUDES_DEG, project, zone_of
-from semap.store.anchor import read_anchor
-from semap.store.building import import_building
-from semap.store.database import connect, one_transaction
-from semap.store.map_export import placed_instances
-from semap.store.maps import create_map
+from semap.store.database.connection import connect, one_transaction
+from semap.store.exchange.map_export import placed_instances
+from semap.store.map.anchor import read_anchor
+from semap.store.map.building import import_building
+from semap.store.map.maps import create_map
 
 METRES = {"lab": [(0, 0), (4, 0), (4, 3), (0, 3)], "store": [(4, 0), (9, 0), (9, 3), (4, 3)]}
 OSNABRUECK, QUITO, SYDNEY = (8.05, 52.27), (-78.5, -0.2), (151.2, -33.9)

@@ -12,7 +12,7 @@ from patience import moment
 from semap_ingest.mirror import Follower, count_inside, open_mirror
 from world import World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PATIENCE_S = 15.0
 

@@ -17,7 +17,7 @@ from semap_ingest.track_file import Tracks
 from world import SECOND_US, World
 
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
 
 PLAN = Plan(map_name="world", source="walk", path="walk.csv", fingerprint="f1", batch_size=7)

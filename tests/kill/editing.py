@@ -13,7 +13,7 @@ import shapely
 from patience import any_moment, moment
 
 from semap.errors import SemapError
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 QUERY = "near a table"
 ADD_QUERY = """

@@ -21,8 +21,8 @@ from server import SETTINGS, reachable_folder
 
 from semap.cluster import Cluster
 from semap.formats import read_building
-from semap.store.database import connect
-from semap.store.schema import migrate
+from semap.store.database.connection import connect
+from semap.store.operate.schema import migrate
 
 FOLDER = Path(demo.__file__).parent
 PATIENCE_S = 300.0

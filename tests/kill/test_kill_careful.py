@@ -23,7 +23,7 @@ from test_kill import LOGS, Run, begin
 
 from semap.cluster import Cluster
 from semap.errors import SemapError
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 KILLS = int(os.environ.get("SEMAP_KILLS", "25"))
 PACE = os.environ.get("SEMAP_KILL_PACE", "2")

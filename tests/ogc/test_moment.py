@@ -11,8 +11,8 @@ import shapely
 from sqlalchemy import Connection
 from world import SECOND_US, World
 
-from semap.store import moment
-from semap.store.database import open_engine
+from semap.store.database.connection import open_engine
+from semap.store.motion import moment
 from semap.timeline.stamp import to_datetime, to_us
 
 ROOMS = {"west": shapely.box(0, 0, 4, 4), "east": shapely.box(4, 0, 8, 4), "both": shapely.box(1, 1, 7, 3)}

@@ -32,11 +32,11 @@ from server import fresh_database
 from semap.cluster import Cluster
 from semap.formats.geojson import parse_geojson
 from semap.model.continuous_query import Declaration, Side
-from semap.store.building import import_building
-from semap.store.database import connect, one_transaction
-from semap.store.maps import create_map
-from semap.store.queries import add_query
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect, one_transaction
+from semap.store.map.building import import_building
+from semap.store.map.maps import create_map
+from semap.store.operate.schema import ensure_slot
+from semap.store.relation.queries import add_query
 
 CHECKS = {check.name: check for check in DATABASE_CHECKS}
 ON_MACHINE = {check.name: check for check in MACHINE_CHECKS}

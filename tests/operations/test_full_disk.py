@@ -24,8 +24,8 @@ from server import reachable_folder
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
-from semap.store.database import connect, one_transaction
-from semap.store.schema import migrate
+from semap.store.database.connection import connect, one_transaction
+from semap.store.operate.schema import migrate
 
 ROOM_MB = 96
 NO_ROOM = "No space left on device"

@@ -13,8 +13,8 @@ from sqlalchemy import Connection, text
 from semap.geometry.prism import extrude
 from semap.model.building import Building, HeightBand, Item, Mesh, Storey
 from semap.model.pose import IDENTITY, Pose
-from semap.store.building import import_building
-from semap.store.maps import create_map
+from semap.store.map.building import import_building
+from semap.store.map.maps import create_map
 
 
 class House:

@@ -13,7 +13,7 @@ from sqlalchemy import text
 
 from semap.model.building import Item, Storey
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 CONTAINED = "select container_id, target_id, level, via_id, link from semap.contained_in({})"

@@ -16,7 +16,7 @@ from semap.geometry.pose import pose_from_matrix, pose_from_yaw, transform_mesh
 from semap.geometry.prism import extrude
 from semap.model.building import Mesh
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 RING = shapely.box(-3, -3, 3, 3).difference(shapely.box(-2, -2, 2, 2))

@@ -20,7 +20,7 @@ from semap.geometry.prism import extrude
 from semap.geometry.tin import mesh_to_wkb
 from semap.model.building import Mesh
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 ELL = Polygon([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 1.5), (0, 1.5)])
 

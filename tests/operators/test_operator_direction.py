@@ -19,7 +19,7 @@ from semap.geometry.pose import pose_from_matrix, pose_from_yaw, transform_mesh,
 from semap.geometry.prism import extrude
 from semap.model.building import Mesh
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 ELL = shapely.Polygon([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 1.5), (0, 1.5)])
 REACH_M = 3.0

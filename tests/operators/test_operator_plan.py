@@ -11,7 +11,7 @@ import pytest
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 THINGS = 20_000
 

@@ -14,7 +14,7 @@ from shapely import box as area
 
 from semap.model.building import Item, Storey
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 QUICK = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 ROUTE = "select step, room, door, length_m, total_m from semap.route(:a, :b, cast(:closed as jsonb))"

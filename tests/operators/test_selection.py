@@ -25,9 +25,9 @@ from semap.cql2.check import TEMPORAL
 from semap.errors import InvalidInput
 from semap.model.building import Item, Storey
 from semap.model.pose import Pose
-from semap.store.concept import Concept, change_concept, create_concept
-from semap.store.database import one_transaction
-from semap.store.selection import Selection, selected, selected_ids
+from semap.store.database.connection import one_transaction
+from semap.store.map.concept import Concept, change_concept, create_concept
+from semap.store.map.selection import Selection, selected, selected_ids
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
 IRI = "https://brickschema.org/schema/Brick#Room"

@@ -20,7 +20,7 @@ from semap.errors import InvalidInput
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Item, Mesh
-from semap.store.database import one_transaction, translated
+from semap.store.database.connection import one_transaction, translated
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 SIZES = "select {} from semap.sizes(:ids) order by instance_id"

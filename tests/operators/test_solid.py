@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from solid_oracle import Solid
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PAIRS, CHUNK = 1000, 50
 ANSWERS = """

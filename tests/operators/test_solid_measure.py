@@ -10,7 +10,7 @@ import solid_oracle as oracle
 
 from semap.geometry.tin import mesh_to_wkb
 from semap.model.building import Mesh
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 
 def room() -> oracle.Solid:

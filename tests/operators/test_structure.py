@@ -11,7 +11,7 @@ from shapely import box as area
 
 from semap.geometry.pose import pose_from_yaw
 from semap.model.pose import Pose
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 IN = "select target_id, reference_id, outcome from semap.structure_by_containment(:map_id, {})"

@@ -13,7 +13,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.affinity import translate
 from sqlalchemy.exc import DBAPIError
 
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 Area = Polygon | MultiPolygon
 Pair = tuple[str, str]

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import psycopg
 from data_sets import data_set
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PREDICATES = {
     "contains": "contains",

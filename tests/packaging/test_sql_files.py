@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from semap.store.object_comment import CREATE, STATEMENT
-from semap.store.schema_files import schema_folder
+from semap.store.database.schema_files import schema_folder
+from semap.store.operate.object_comment import CREATE, STATEMENT
 
 COLUMNS = 120
 LINES = 60

@@ -21,7 +21,7 @@ import psycopg
 from patience import PATIENCE_S, moment
 from semap_service import demo
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 OFFICE = Path(demo.__file__).parent / "office.geojson"
 

@@ -16,7 +16,7 @@ from bench.flink import environment, python_environment
 from bench.flink.environment import Flink, FlinkMissing
 from bench.flink.python_environment import FlinkPython
 from bench.peers import Changes, Fed, Named, Peer, PeerMissing, flink_sql, ordered, peers, row_trigger
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 FLOOR = Floor(3, 2)
 # A hall over parts of four rooms, and rooms side by side that share their edges.

@@ -16,8 +16,8 @@ from world import SECOND_US, World
 from semap.errors import InvalidInput, NotFound, TooLarge
 from semap.model.plan import Kind, Person, Thing, Way
 from semap.picture.plan import draw_plan, draw_trajectories
-from semap.store import plan
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
+from semap.store.motion import plan
 
 DAY_US = 1_767_225_600 * SECOND_US
 RING = shapely.Polygon([(0, 0), (9, 0), (9, 6), (0, 6)], [[(3, 2), (6, 2), (6, 4), (3, 4)]])

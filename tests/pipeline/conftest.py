@@ -9,7 +9,7 @@ from server import fresh_database
 from stored_results import stored
 
 from semap.cluster import Cluster
-from semap.store.database import one_transaction
+from semap.store.database.connection import one_transaction
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 RESULTS = {
     "tracks": "select name, uid, ended_at from semap.track",

@@ -15,7 +15,7 @@ from semap_ingest.pipeline.ingest_recording import ingest_recording
 from stored_results import stored
 
 from semap.errors import Conflict, InvalidInput, NotFound
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 BREAK = (
     "select pg_terminate_backend(pid) from pg_stat_activity"

@@ -16,8 +16,8 @@ from server import SETTINGS, reachable_folder
 from stored_results import stored
 
 from semap.cluster import Cluster
-from semap.store.database import one_transaction
-from semap.store.schema import migrate
+from semap.store.database.connection import one_transaction
+from semap.store.operate.schema import migrate
 
 PATIENCE_S = 300.0
 PACE = "0.15"

@@ -10,10 +10,10 @@ from sqlalchemy import Connection
 from semap.geometry.prism import extrude
 from semap.model.pose import Pose
 from semap.model.source_geometry import BODY, SourceGeometry
-from semap.store import blueprints, frames
-from semap.store.database import connect, one_transaction
-from semap.store.instance_edit import delete_instance
-from semap.store.maps import create_map
+from semap.store.database.connection import connect, one_transaction
+from semap.store.map import blueprints, frames
+from semap.store.map.instance_edit import delete_instance
+from semap.store.map.maps import create_map
 
 EDITORS = 4
 EDITS = 25

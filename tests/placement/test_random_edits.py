@@ -24,10 +24,10 @@ from semap.geometry.ewkb import from_ewkb
 from semap.model.building import Mesh
 from semap.model.pose import Pose
 from semap.model.source_geometry import BODY, SourceGeometry
-from semap.store import blueprints, frames, history
-from semap.store.database import one_transaction
-from semap.store.instance_edit import delete_instance
-from semap.store.maps import create_map
+from semap.store.database.connection import one_transaction
+from semap.store.map import blueprints, frames, history
+from semap.store.map.instance_edit import delete_instance
+from semap.store.map.maps import create_map
 
 NUMBERS = count()
 NEAR_M = 1e-7

@@ -15,9 +15,9 @@ from corpus import ANNA, KITCHEN
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, HeightBand, Item, Storey
-from semap.store.building import import_building
-from semap.store.database import one_transaction
-from semap.store.maps import create_map
+from semap.store.database.connection import one_transaction
+from semap.store.map.building import import_building
+from semap.store.map.maps import create_map
 from semap.timeline.stamp import to_datetime
 
 NAMES = UUID("00000000-0000-4000-8000-000000000000")

@@ -17,7 +17,7 @@ from semap.cql2.evaluate import Subject, compile_filter
 from semap.cql2.logic import code
 from semap.query_text import declaration_of
 from semap.query_text.condition import KINDS
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 TEXTS = ["oak", "Oak", "öak", "", "2", "-1.5", "true", "a%b", "null"]
 NUMBERS = [0, 2, -1.5, 10, 0.1, 1234567]

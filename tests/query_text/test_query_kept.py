@@ -17,8 +17,8 @@ from semap.cluster import Cluster
 from semap.errors import InvalidInput
 from semap.query_text import declaration_of
 from semap.query_text.views import OF_SPACE
-from semap.store.database import connect, one_transaction
-from semap.store.queries import add_query, delete_query
+from semap.store.database.connection import connect, one_transaction
+from semap.store.relation.queries import add_query, delete_query
 
 NUMBER = count()
 MOVING = {"approaching", "crosses"}

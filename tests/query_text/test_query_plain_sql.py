@@ -14,7 +14,7 @@ from server import fresh_database
 
 from semap.cluster import Cluster
 from semap.query_text import declaration_of
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ from patience import PATIENCE_S
 from psycopg import errors
 from world import World
 
-from semap.store.database import connect, open_engine
-from semap.store.maintenance import maintain
-from semap.store.queries import declaration_from_sql, find_query
+from semap.store.database.connection import connect, open_engine
+from semap.store.operate.maintenance import maintain
+from semap.store.relation.queries import declaration_from_sql, find_query
 from semap.worker import query_requests
 from semap.worker.query_requests import answer_next, answering
 

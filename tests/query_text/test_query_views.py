@@ -13,8 +13,8 @@ from world import World
 
 from semap.query_text import view_name
 from semap.query_text.views import INSTANCE, TRACK
-from semap.store.database import connect
-from semap.store.schema import migrate
+from semap.store.database.connection import connect
+from semap.store.operate.schema import migrate
 
 MINE = "relnamespace = 'semap_query'::regnamespace and relkind = 'v'"
 

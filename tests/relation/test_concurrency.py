@@ -13,7 +13,7 @@ import shapely
 from patience import moment
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PATIENCE_S = 20.0
 IN_ROOM, OUTSIDE = (2.0, 2.0), (20.0, 20.0)

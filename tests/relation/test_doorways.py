@@ -15,12 +15,12 @@ import shapely.geometry
 from semap.formats.geojson import parse_geojson
 from semap.geometry.pose import pose_from_yaw
 from semap.model.continuous_query import Declaration, Side
-from semap.store.building import import_building
-from semap.store.database import connect, one_transaction
-from semap.store.instance_edit import Changes, edit_instance
-from semap.store.maps import create_map
-from semap.store.queries import add_query
-from semap.store.schema import migrate
+from semap.store.database.connection import connect, one_transaction
+from semap.store.map.building import import_building
+from semap.store.map.instance_edit import Changes, edit_instance
+from semap.store.map.maps import create_map
+from semap.store.operate.schema import migrate
+from semap.store.relation.queries import add_query
 
 DOOR = {"name": "door", "concept": "Door", "joins": ["Hall", "Office"]}
 

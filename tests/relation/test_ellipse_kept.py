@@ -11,9 +11,9 @@ from semap_service.operations.doctor.verification import verify
 from test_error_ellipse import WITHIN, covariance_of, in_real, share_inside
 from world import SECOND_US, World
 
-from semap.store import moment, track_history
-from semap.store.database import open_engine
-from semap.store.tracks import get_track
+from semap.store.database.connection import open_engine
+from semap.store.motion import moment, track_history
+from semap.store.motion.tracks import get_track
 from semap.timeline.stamp import to_datetime
 
 PRESENT = "select x_m, std_m, std_across_m, std_yaw_rad from semap.track_now where track_id = %s"

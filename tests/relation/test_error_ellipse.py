@@ -19,7 +19,7 @@ from test_probability import COVARIANCES, PLACES, SHAPES, probability
 from world import SECOND_US, World
 
 from semap.geometry.error_ellipse import Ellipses, covariances_of, ellipses_of, is_covariance, turned
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 SLOW = {"deadline": None, "suppress_health_check": list(HealthCheck)}
 SAMPLES = 50_000

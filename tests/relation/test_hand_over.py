@@ -15,7 +15,7 @@ from test_concurrency import PATIENCE_S, await_lock
 from world import SECOND_US, World
 
 from semap.errors import Conflict
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 IN_ROOM, OUTSIDE = (2.0, 2.0), (20.0, 20.0)
 HAND_OVER = "select semap.hand_over_tracks(%s, %s)"

@@ -15,7 +15,7 @@ from test_careful_queries import asked, walk
 from test_oracle import BANDS, SHAPES
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 QUICK = settings(
     max_examples=40,

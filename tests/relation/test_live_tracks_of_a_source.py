@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from bench.crowd import build_map
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 COUNT = "select count(*) from semap.track_now where map_id = %s and live and source_id = %s"
 

@@ -12,7 +12,7 @@ import pytest
 from scipy import special
 from server import fresh_database
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PI = Decimal("3.14159265358979323846264338327950288419716939937510582")
 

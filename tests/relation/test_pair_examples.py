@@ -15,7 +15,7 @@ from pair_oracle import Change, PairOracle, Question
 from pair_town import Town
 from world import SECOND_US
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
 
 

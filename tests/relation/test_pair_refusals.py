@@ -18,8 +18,8 @@ from semap.model.continuous_query import (
     declared,
     options_of,
 )
-from semap.store.database import one_transaction
-from semap.store.queries import add_query, change_query, get_query
+from semap.store.database.connection import one_transaction
+from semap.store.relation.queries import add_query, change_query, get_query
 
 TRACK, THING = Side("track"), Side("instance", "Furniture")
 

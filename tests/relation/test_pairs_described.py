@@ -12,7 +12,7 @@ from semap_service.operations.doctor.verification import verify
 from test_concurrency import PATIENCE_S, await_lock
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 NEAR = Question("within_distance", distance_m=2.0)
 

@@ -10,8 +10,8 @@ import shapely
 from sqlalchemy.dialects import postgresql
 from world import World
 
-from semap.store.database import connect
-from semap.store.events import EVENTS
+from semap.store.database.connection import connect
+from semap.store.event.events import EVENTS
 
 
 def nodes(plan: dict[str, Any]) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from scipy import integrate, special
 from server import ask_in_parallel, fresh_database
 from shapely import affinity
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 Covariance = tuple[float, float, float]
 SAMPLES = 200_000

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from server import fresh_database
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PAGE = Path(__file__).parents[2] / "docs/explanation/uncertainty.md"
 HALL = shapely.box(-50, -50, 50, 50)

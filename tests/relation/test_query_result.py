@@ -12,8 +12,8 @@ from psycopg.sql import SQL as SQL_TEXT
 from world import SECOND_US, World
 
 from semap.errors import NotFound
-from semap.store.database import connect, one_transaction
-from semap.store.queries import (
+from semap.store.database.connection import connect, one_transaction
+from semap.store.relation.queries import (
     add_query,
     change_query,
     declaration_from_sql,

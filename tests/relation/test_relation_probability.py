@@ -9,8 +9,8 @@ from careful_oracle import Sample
 from scipy import special
 from world import SECOND_US, World
 
-from semap.store.database import connect, open_engine
-from semap.store.probability import probabilities
+from semap.store.database.connection import connect, open_engine
+from semap.store.relation.probability import probabilities
 
 ELL = shapely.Polygon([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
 HOLED = shapely.Polygon(shapely.box(10, 0, 14, 4).exterior, [shapely.box(11, 1, 13, 3).exterior])

@@ -11,9 +11,9 @@ import shapely
 from made_relations import KINDS, Thing, at, hold, pair_query, past
 from world import SECOND_US, World
 
-from semap.store.database import one_transaction
-from semap.store.relation_spans import Chosen, list_spans
-from semap.store.relations import START, Wanted, list_relations
+from semap.store.database.connection import one_transaction
+from semap.store.relation.relation_spans import Chosen, list_spans
+from semap.store.relation.relations import START, Wanted, list_relations
 
 
 @dataclass(frozen=True)

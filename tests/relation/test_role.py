@@ -7,7 +7,7 @@ import pytest
 import shapely
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 STATE = "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now(), 0, 0)"
 REFUSED = {

@@ -14,7 +14,7 @@ from semap_ingest.state_frame import insert_frame, pack_frame
 from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
 from semap.worker.settling import settling
 

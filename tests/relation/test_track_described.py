@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from world import SECOND_US, World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 ROOM = shapely.box(0, 0, 4, 4)
 FORKLIFT = {"op": "=", "args": [{"property": "attributes.kind"}, "forklift"]}

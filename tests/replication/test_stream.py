@@ -9,7 +9,7 @@ from world import SECOND_US, World
 from semap.errors import ServerUnavailable, SlotLost
 from semap.replication.pgoutput import Transaction, parse_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 PUBLICATIONS = ("semap_change", "semap_rule")
 PATIENCE_S = 10.0

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 import psycopg
 from world import World
 
-from semap.store.maintenance import Maintained, maintain
+from semap.store.operate.maintenance import Maintained, maintain
 
 COLUMNS = (
     "track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last", "heading_rad", "speed_mps", "length_m", "width_m",

@@ -13,7 +13,7 @@ from rule_work import await_event_of, running_worker
 from shapely import box
 from world import SECOND_US, World
 
-from semap.store.maintenance import Maintained
+from semap.store.operate.maintenance import Maintained
 from semap.timeline.stamp import to_us
 from semap.worker import housekeeping
 

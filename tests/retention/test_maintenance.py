@@ -20,10 +20,10 @@ from world import SECOND_US, World
 from semap.batch.recompute import Plan, recompute
 from semap.errors import InvalidInput
 from semap.rules.language.reading import parse_declaration
-from semap.store import maintenance
-from semap.store.database import connect
-from semap.store.maintenance import Maintained, maintain
-from semap.store.retention import change_retention, read_retention
+from semap.store.database.connection import connect
+from semap.store.operate import maintenance
+from semap.store.operate.maintenance import Maintained, maintain
+from semap.store.operate.retention import change_retention, read_retention
 from semap.timeline.stamp import to_us
 from semap.worker.past import dry_run
 from semap.worker.why import explain

@@ -17,8 +17,8 @@ from server import fresh_database
 from world import World
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.maintenance import maintain
+from semap.store.database.connection import connect
+from semap.store.operate.maintenance import maintain
 
 DAY_US = 86_400_000_000
 PLACE = st.floats(-1e7, 1e7)

@@ -17,11 +17,12 @@ from world import SECOND_US, State, World
 
 from semap.batch.recompute import Plan, recompute
 from semap.batch.stored_tracks import read_states, read_tracks
-from semap.store import events, moment, plan, track_history
-from semap.store.database import connect, open_engine
+from semap.store.database.connection import connect, open_engine
+from semap.store.event import events
 from semap.store.features.collection import get_collection
 from semap.store.features.page import Wanted, read_page
 from semap.store.features.placing import placing_of
+from semap.store.motion import moment, plan, track_history
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker import enrichment
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from semap.errors import InvalidInput
 from semap.rules.bound import Bound
-from semap.rules.language.condition import (
+from semap.rules.condition import (
     compile_condition,
     compile_measure,
     read_condition,

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scene import S, rule
 
 from semap.errors import InvalidInput
+from semap.rules.condition import read_condition, read_measure
 from semap.rules.declaration import (
     AfterMatch,
     Confidence,
@@ -26,7 +27,6 @@ from semap.rules.declaration import (
 )
 from semap.rules.engine.run_over import run_over
 from semap.rules.formula import And, Atom, Eventually, Not
-from semap.rules.language.condition import read_condition, read_measure
 from semap.rules.language.reading import parse_declaration, read_declaration
 from semap.rules.language.source_text import read_source
 from semap.rules.language.template import TEMPLATES

@@ -9,7 +9,7 @@ from running import Service
 from semap_service.serving.app import create_app
 from semap_service.serving.uvicorn_server import OPTIONS
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 
 @pytest.fixture

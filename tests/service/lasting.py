@@ -22,8 +22,8 @@ from semap_service.serving.uvicorn_server import OPTIONS
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 PATIENCE_S = 90.0
 

@@ -21,7 +21,7 @@ from sqlalchemy import Connection, create_engine
 from web_socket import connect
 from websockets.exceptions import ConnectionClosed
 
-from semap.store.events import newest_event
+from semap.store.database.event_number import newest_event
 
 
 def hello(cursor: int, head: int, oldest: int | None, resumed: str) -> dict:
@@ -271,7 +271,7 @@ def test_what_is_committed_while_somebody_comes_back_has_not_been_deleted(
         return newest_event(connection, of_map)
 
     service.make_map()
-    monkeypatch.setattr("semap.store.events.newest_event", as_the_first_is_committed)
+    monkeypatch.setattr("semap.store.event.events.newest_event", as_the_first_is_committed)
     with connect(f"{service.feed_url}?after=0") as feed:
         assert message(feed)["resumed"] in ("replayed", "nothing_missed")
         assert numbers(events(feed, 1)) == [1]

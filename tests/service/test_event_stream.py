@@ -191,7 +191,7 @@ def test_the_feed_looks_places_up_for_those_who_ask(service: Service) -> None:
 def test_a_filter_that_takes_little_is_searched_for_in_pieces(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("semap.store.events.LOOKED_AT", 10)
+    monkeypatch.setattr("semap.store.event.events.LOOKED_AT", 10)
     service.make_map()
     service.happen(1, 95)
     for query in ({"filter": "seq = 94"}, {"type": "left"}):

@@ -14,8 +14,8 @@ from running import Service
 from semap_service import demo
 
 from semap.cluster import Cluster
-from semap.store.database import one_transaction
-from semap.store.tokens import add_token
+from semap.store.database.connection import one_transaction
+from semap.store.operate.tokens import add_token
 
 OFFICE = (Path(demo.__file__).parent / "office.geojson").read_bytes()
 LINE = json.dumps({"name": "desk", "concept": "Thing"}).encode()

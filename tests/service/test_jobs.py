@@ -30,8 +30,8 @@ from shapely.geometry import mapping
 
 from semap.cluster import Cluster
 from semap.errors import SemapError
-from semap.store.database import connect, one_transaction
-from semap.store.jobs import KEPT_JOBS, fail_lost_jobs, forget_jobs
+from semap.store.database.connection import connect, one_transaction
+from semap.store.operate.jobs import KEPT_JOBS, fail_lost_jobs, forget_jobs
 
 OFFICE = (Path(demo.__file__).parent / "office.geojson").read_bytes()
 ASYNC = {"Prefer": "respond-async"}

@@ -18,7 +18,7 @@ from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
 from web_socket import connect
 from websockets.exceptions import ConnectionClosed
 
-from semap.store.live import LiveMap, live_map
+from semap.store.motion.live import LiveMap, live_map
 
 SCHEMAS = {
     kind: Draft202012Validator(

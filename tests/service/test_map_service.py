@@ -9,7 +9,7 @@ from psycopg.conninfo import make_conninfo
 from running import START, Service, box_mesh
 from shapely.geometry import mapping, shape
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 ELL = shapely.Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 

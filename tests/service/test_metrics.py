@@ -13,7 +13,7 @@ from running import Service
 from shapely import box
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 Samples = dict[tuple[str, frozenset[tuple[str, str]]], float]
 

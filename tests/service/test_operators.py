@@ -12,7 +12,7 @@ from semap_service.serving.app import create_app
 from shapely.geometry import shape
 
 from docs.reference.operators import SERVICES, operator_docs
-from semap.store.operator_table import OPERATORS
+from semap.store.map.operator_table import OPERATORS
 
 SQUARE = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]}
 POSE = {"x_m": 1.0, "y_m": 1.0}

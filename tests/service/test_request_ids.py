@@ -11,7 +11,7 @@ from running import Service
 from web_socket import connect as open_socket
 
 from semap.cluster import Cluster
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 TRACE = "4bf92f3577b34da6a3ce929d0e0e4736"
 PARENT = f"00-{TRACE}-00f067aa0ba902b7-01"
@@ -94,7 +94,7 @@ def test_ready_says_what_is_missing(service: Service, database: str, cluster: Cl
     service.until(lambda: service.client.get("/ready").status_code == 503)
     with connect(database) as connection:
         connection.execute("select pg_drop_replication_slot(semap.rule_slot())")
-        connection.execute("update semap.schema_version set version_num = '0001'")
+        connection.execute("update semap.schema_version set version_num = '0000'")
     said = {each["where"]: each["message"] for each in service.client.get("/ready").json()["errors"]}
     assert said.keys() == {"schema", "slot"}
     assert "semap db migrate" in said["schema"]

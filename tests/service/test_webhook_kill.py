@@ -11,7 +11,7 @@ from patience import until
 from receiving import Receiver
 from standardwebhooks.webhooks import Webhook
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 EVENTS, KILLED_AT = 400, 150
 HELD = "select count(*) from pg_locks where locktype = 'advisory' and classid = 7371 and granted"

@@ -19,7 +19,7 @@ from semap_ingest.replay import Plan, replay
 from semap_ingest.track_file import Tracks
 from world import SECOND_US, keep_where
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 MAP = "world"
 FASTER = 4

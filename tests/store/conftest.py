@@ -3,7 +3,7 @@ from collections.abc import Iterator
 import pytest
 from sqlalchemy import Engine
 
-from semap.store.database import open_engine
+from semap.store.database.connection import open_engine
 
 
 @pytest.fixture

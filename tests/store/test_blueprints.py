@@ -11,8 +11,8 @@ from semap.geometry.prism import extrude
 from semap.model.building import Item
 from semap.model.pose import Pose
 from semap.model.source_geometry import BODY, SourceGeometry
-from semap.store import blueprints
-from semap.store.concept import (
+from semap.store.map import blueprints
+from semap.store.map.concept import (
     Concept,
     change_concept,
     check_attributes,
@@ -20,9 +20,9 @@ from semap.store.concept import (
     delete_concept,
     list_concepts,
 )
-from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
-from semap.store.instances import get_instance, list_instances
-from semap.store.maps import create_map
+from semap.store.map.instance_edit import Changes, create_instance, delete_instance, edit_instance
+from semap.store.map.instances import get_instance, list_instances
+from semap.store.map.maps import create_map
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from uuid import UUID, uuid4, uuid5
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from semap.store.database import connect, one_transaction
-from semap.store.events import kept_events, list_events, read_stretch
+from semap.store.database.connection import connect, one_transaction
+from semap.store.event.events import kept_events, list_events, read_stretch
 
 ADD = """
     select semap.add_events('rules', (

@@ -9,10 +9,10 @@ from sqlalchemy import Connection, Engine
 
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.model.pose import Pose
-from semap.store import frames
-from semap.store.instance_edit import Changes, delete_instance, edit_instance
-from semap.store.instances import list_instances
-from semap.store.maps import create_map
+from semap.store.map import frames
+from semap.store.map.instance_edit import Changes, delete_instance, edit_instance
+from semap.store.map.instances import list_instances
+from semap.store.map.maps import create_map
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
 NAIVE = START.replace(tzinfo=None)

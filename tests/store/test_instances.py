@@ -16,12 +16,12 @@ from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, HeightBand, Item, Mesh, Storey
 from semap.model.pose import Pose
-from semap.store.building import import_building
-from semap.store.concept import Concept, create_concept, list_concepts
-from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
-from semap.store.instances import get_instance, list_instances
-from semap.store.maps import create_map
-from semap.store.relations import Wanted, get_room, list_occupants, list_relations, list_rooms
+from semap.store.map.building import import_building
+from semap.store.map.concept import Concept, create_concept, list_concepts
+from semap.store.map.instance_edit import Changes, create_instance, delete_instance, edit_instance
+from semap.store.map.instances import get_instance, list_instances
+from semap.store.map.maps import create_map
+from semap.store.relation.relations import Wanted, get_room, list_occupants, list_relations, list_rooms
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 START = datetime(2026, 1, 31, tzinfo=UTC)

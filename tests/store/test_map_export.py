@@ -34,11 +34,11 @@ from semap.model.map_document import (
 )
 from semap.model.pose import Pose
 from semap.model.source_geometry import PolygonMesh, SourceGeometry
-from semap.store.anchor import set_anchor
-from semap.store.building import import_building
-from semap.store.map_export import export_map, placed_instances
-from semap.store.map_import import import_map
-from semap.store.maps import create_map
+from semap.store.exchange.map_export import export_map, placed_instances
+from semap.store.exchange.map_import import import_map
+from semap.store.map.anchor import set_anchor
+from semap.store.map.building import import_building
+from semap.store.map.maps import create_map
 
 SQUARE = shapely.box(0, 0, 2, 2)
 LEANING = Pose(1, 2, 3, 0.5, 0.5, 0.5, 0.5)

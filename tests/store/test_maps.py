@@ -13,9 +13,9 @@ from semap.errors import Conflict, InvalidInput, NotFound
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, Finding, HeightBand, Item, Mesh, Storey
-from semap.store.building import import_building
-from semap.store.instances import get_instance, list_instances
-from semap.store.maps import create_map, delete_map, get_map, list_maps
+from semap.store.map.building import import_building
+from semap.store.map.instances import get_instance, list_instances
+from semap.store.map.maps import create_map, delete_map, get_map, list_maps
 
 ELL = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 TABLES = [

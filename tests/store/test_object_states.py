@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput, NotFound
-from semap.store.database import connect, one_transaction
-from semap.store.object_states import NewObjectState, add_object_states, list_object_states
+from semap.store.database.connection import connect, one_transaction
+from semap.store.motion.object_states import NewObjectState, add_object_states, list_object_states
 from semap.timeline.stamp import to_datetime
 
 VALUES = ("open", "closed", "ajar")

@@ -11,9 +11,9 @@ from server import SETTINGS, reachable_folder
 from shapely import box
 
 from semap.cluster import lease
-from semap.store.database import connect
-from semap.store.preflight import ROLES, examine
-from semap.store.schema import is_current, migrate
+from semap.store.database.connection import connect
+from semap.store.operate.preflight import ROLES, examine
+from semap.store.operate.schema import is_current, migrate
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from server import SETTINGS, fresh_database, reachable_folder
 
 from semap.cluster import Cluster, lease
 from semap.errors import ServerUnfit
-from semap.store.preflight import ROLES, examine, require_fit
+from semap.store.operate.preflight import ROLES, examine, require_fit
 
 
 @pytest.fixture(scope="module")

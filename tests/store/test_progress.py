@@ -10,8 +10,8 @@ import pytest
 from psycopg.types.json import Jsonb
 from world import World
 
-from semap.store.database import connect, one_transaction
-from semap.store.late_rows import count_late_rows
+from semap.store.database.connection import connect, one_transaction
+from semap.store.event.late_rows import count_late_rows
 from semap.timeline.stamp import to_datetime
 
 STAMP = "2026-01-31T12:00:00+00:00"

@@ -21,9 +21,9 @@ from semap.model.continuous_query import (
     declared,
     options_of,
 )
-from semap.store.database import one_transaction
-from semap.store.maps import create_map
-from semap.store.queries import add_query, change_query, get_query
+from semap.store.database.connection import one_transaction
+from semap.store.map.maps import create_map
+from semap.store.relation.queries import add_query, change_query, get_query
 
 TRACKS, CUPS, ROOMS = Side("track"), Side("instance", "Door"), Side("instance", "Room")
 CHOSEN = Side("track", None, (UUID(int=5),), {"op": "=", "args": [{"property": "source"}, "camera"]})

@@ -8,9 +8,7 @@ from sqlalchemy import Connection, Engine, text
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.model.continuous_query import Declaration, Side
 from semap.rules.language.reading import parse_declaration
-from semap.store.maps import create_map, delete_map
-from semap.store.queries import add_query, delete_query, enable_query, get_query, list_queries
-from semap.store.rules import (
+from semap.store.event.rules import (
     SINCE_EVER,
     add_rule,
     declare_rule,
@@ -21,6 +19,8 @@ from semap.store.rules import (
     list_rules,
     list_versions,
 )
+from semap.store.map.maps import create_map, delete_map
+from semap.store.relation.queries import add_query, delete_query, enable_query, get_query, list_queries
 
 VISITS = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
 CAME = {"input": "track_in_room", "emit": {"began": "came"}}

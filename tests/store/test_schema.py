@@ -10,10 +10,10 @@ from alembic.script import ScriptDirectory
 from patience import PATIENCE_S
 
 from semap.errors import DatabaseError, ServerUnavailable
-from semap.store import schema
-from semap.store.database import connect
-from semap.store.schema import head_version, is_current, migrate, require_current
-from semap.store.schema_files import schema_folder
+from semap.store.database.connection import connect
+from semap.store.database.schema_files import schema_folder
+from semap.store.operate import schema
+from semap.store.operate.schema import head_version, is_current, migrate, require_current
 
 
 def test_several_at_once_make_one_schema(empty_database: str) -> None:

@@ -9,14 +9,15 @@ from sqlalchemy import Engine, Table, inspect, text
 from sqlalchemy.dialects.postgresql import dialect
 from sqlalchemy.types import NullType, TypeEngine
 
-from semap.store import schema
-from semap.store.schema import FORGET, migrate
-from semap.store.schema_files import migration_texts, schema_folder
-from semap.store.tables import TABLES, VIEWS, read_tables
+from semap.store.database import schema_files
+from semap.store.database.schema_files import migration_texts, schema_folder
+from semap.store.database.tables import TABLES, VIEWS, read_tables
+from semap.store.operate import schema
+from semap.store.operate.schema import FORGET, migrate
 
 SECOND = """
     from alembic import op
-    from semap.store.schema import run_files
+    from semap.store.operate.schema import run_files
     revision, down_revision = "0002", "0001"
     def upgrade(): run_files(op.get_bind(), "migrations/floor_colour")
 """
@@ -90,7 +91,8 @@ def test_a_later_migration_changes_what_the_first_made(
     )
     (tmp_path / "migrations" / "floor_colour").mkdir()
     (tmp_path / "migrations" / "floor_colour" / "010_paint.sql").write_text(STATEMENTS)
-    monkeypatch.setattr(schema, "schema_folder", lambda name: tmp_path / name)
+    for each in (schema, schema_files):
+        monkeypatch.setattr(each, "schema_folder", lambda name: tmp_path / name)
     with engine.begin() as connection:
         connection.execute(text("insert into semap.map (name) values ('office')"))
     migrated = migrate(database, slot=False)

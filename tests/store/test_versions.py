@@ -12,11 +12,11 @@ from semap.errors import Conflict, InvalidInput, NotFound
 from semap.geometry.prism import extrude
 from semap.model.building import HeightBand, Item
 from semap.model.pose import Pose
-from semap.store import frames, history
-from semap.store.concept import Concept, change_concept, create_concept, list_concepts
-from semap.store.instance_edit import Changes, create_instance, delete_instance, edit_instance
-from semap.store.instances import get_instance, list_instances
-from semap.store.maps import create_map, delete_map
+from semap.store.map import frames, history
+from semap.store.map.concept import Concept, change_concept, create_concept, list_concepts
+from semap.store.map.instance_edit import Changes, create_instance, delete_instance, edit_instance
+from semap.store.map.instances import get_instance, list_instances
+from semap.store.map.maps import create_map, delete_map
 
 SQUARE = shapely.box(0, 0, 2, 2)
 

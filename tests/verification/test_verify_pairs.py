@@ -15,8 +15,8 @@ from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 WIDE = shapely.box(0, 0, 4, 4)
 QUESTIONS = {

@@ -17,8 +17,8 @@ from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 ROOMS = {f"r{n}": shapely.box(4 * n, 0, 4 * n + 4, 4) for n in range(4)}
 QUERIES = {

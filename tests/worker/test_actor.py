@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 from world import World
 
-from semap.rules.engine.needs import Needs
+from semap.rules.needs import Needs
 from semap.rules.row import Row
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.worker.actor import Candidate, likeliest
 from semap.worker.enrichment import enriched
 

@@ -15,7 +15,7 @@ from rule_work import await_progress, running_worker
 from world import World
 
 from semap.rules.language.reading import parse_declaration
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.worker.past import dry_run
 
 VISITS = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}

@@ -7,7 +7,7 @@ from door_scene import BASE, PAPER, DoorScene
 from rule_work import await_progress, running_worker
 from world import World
 
-from semap.store.database import connect
+from semap.store.database.connection import connect
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from rule_work import await_progress, lose_slot, running_worker
 from world import World
 
 from semap.rules.language.reading import parse_declaration
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 from semap.worker import progress
 from semap.worker.late_replay import Replay, replay_late
 from semap.worker.past import dry_run

@@ -12,8 +12,8 @@ from rule_work import await_progress, lose_slot, running_worker
 from test_backfill import RULES, should_be
 from world import World
 
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 from semap.worker.resync import resync
 
 MAP_EDITS: Mapping[str, object] = {

@@ -13,8 +13,8 @@ from world import SECOND_US, World
 from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
 from semap.rules.matching import pattern_program
-from semap.store.database import connect, one_transaction
-from semap.store.rules import add_rule, declare_rule, find_rule
+from semap.store.database.connection import connect, one_transaction
+from semap.store.event.rules import add_rule, declare_rule, find_rule
 from semap.timeline.stamp import to_datetime
 from semap.worker.past import dry_run
 

@@ -17,7 +17,7 @@ from world import SECOND_US, World
 from semap.cluster import Cluster
 from semap.replication.pgoutput import Change
 from semap.rules.engine.sources import NEVER_US
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker import stretch
 from semap.worker.idleness import Idleness

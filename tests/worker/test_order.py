@@ -17,8 +17,8 @@ from test_exactly_once import cut
 from world import World
 
 from semap.cluster import Cluster
-from semap.store.database import connect
-from semap.store.schema import ensure_slot
+from semap.store.database.connection import connect
+from semap.store.operate.schema import ensure_slot
 
 SECONDS = 24
 TRACKERS = {"near": ("ann", "bob"), "far": ("eve", "joe")}

@@ -10,7 +10,7 @@ from world import World
 
 from semap.errors import InvalidInput, NotFound
 from semap.rules.language.reading import parse_declaration
-from semap.store.database import connect
+from semap.store.database.connection import connect
 from semap.worker.past import dry_run, learnt
 
 

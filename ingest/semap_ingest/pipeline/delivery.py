@@ -14,8 +14,8 @@ from threading import Event as Signal
 import psycopg
 
 from semap.errors import ServerUnavailable
-from semap.store.database import connect
-from semap.store.patience import Patience
+from semap.store.database.backoff import Patience
+from semap.store.database.connection import connect
 from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.registration import Found as Known
 from semap_ingest.pipeline.registration import look_up, register

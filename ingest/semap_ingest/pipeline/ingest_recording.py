@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Event as Signal
 
 from semap.errors import InvalidInput, ServerUnavailable
-from semap.store.name import require_plain_name
+from semap.store.database.name import require_plain_name
 from semap_ingest.image.detector import ImageDetector
 from semap_ingest.laser.detector import PACKAGED, LegDetector
 from semap_ingest.pipeline.delivery import Delivery, Target

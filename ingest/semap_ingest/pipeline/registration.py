@@ -9,7 +9,7 @@ from uuid import UUID
 import psycopg
 
 from semap.errors import Conflict, NotFound
-from semap.store.database import translated
+from semap.store.database.connection import translated
 
 LOCK = 7368
 """First key of the advisory lock that keeps a second process from the same source."""

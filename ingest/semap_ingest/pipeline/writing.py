@@ -17,7 +17,7 @@ import psycopg
 
 from semap.errors import Conflict, NotFound
 from semap.geometry.error_ellipse import ellipses_of
-from semap.store.database import translated
+from semap.store.database.connection import translated
 from semap.timeline.stamp import day_of, to_datetime
 from semap_ingest.pipeline.found import Found, LinesAt
 from semap_ingest.pipeline.registration import Registered, persons_source

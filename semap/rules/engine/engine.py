@@ -28,9 +28,9 @@ from types import MappingProxyType
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.map_engine import Late, MapEngine
-from semap.rules.engine.needs import Needs
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import Sources
+from semap.rules.needs import Needs
 from semap.rules.row import Row
 from semap.rules.row_json import RowJson, dump_row, load_row
 

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from semap.rules.engine.needs import Needs, needs_no_order, needs_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.rule_run import RuleRun
+from semap.rules.needs import Needs, needs_no_order, needs_of
 from semap.rules.row import RANKS, Source
 
 SOURCES: tuple[Source, ...] = tuple(RANKS)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from semap.rules.declaration import Declaration
-from semap.rules.engine.needs import OF_ACTOR, properties_read
 from semap.rules.engine.partition import in_rooms
 from semap.rules.engine.presence import Presence
+from semap.rules.needs import OF_ACTOR, properties_read
 from semap.rules.row import Row
 
 ACTOR_NEARER = "actor_nearer"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from semap.cql2 import Call, Expression, Interval, Literal, Property, Shape, parts
 from semap.rules.bound import Bound
+from semap.rules.condition import compile_condition, compile_measure
 from semap.rules.explanation.condition_text import LOGIC, write, write_call, write_value
-from semap.rules.language.condition import compile_condition, compile_measure
 from semap.rules.row import Row, Value
 
 

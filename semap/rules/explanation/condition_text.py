@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from semap.cql2 import Array, Call, Expression, Instant, Interval, Literal, Property, Shape
-from semap.rules.language.condition import OF_BOUND
+from semap.rules.condition import OF_BOUND
 
 INFIX = frozenset({"=", "<>", "<", "<=", ">", ">=", "+", "-", "*", "/", "%", "div", "^", "like"})
 LOGIC = ("and", "or", "not")

@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from semap.cql2 import Call, Expression, parts
 from semap.errors import InvalidInput
 from semap.rules.compilation import compile_rule
+from semap.rules.condition import read_condition, read_measure
 from semap.rules.declaration import (
     Body,
     Declaration,
@@ -22,7 +23,6 @@ from semap.rules.declaration import (
     TemporalFormula,
     Windows,
 )
-from semap.rules.engine.needs import OF_ACTOR, properties_read
 from semap.rules.language import formula_text, pattern_text
 from semap.rules.language.clauses import (
     read_about,
@@ -33,11 +33,11 @@ from semap.rules.language.clauses import (
     read_partition,
     read_windows,
 )
-from semap.rules.language.condition import read_condition, read_measure
 from semap.rules.language.names import Names, names_of
 from semap.rules.language.source_text import read_source
 from semap.rules.language.stored_form import stored_form
 from semap.rules.language.words import read_identifier, read_name, read_variable, unknown
+from semap.rules.needs import OF_ACTOR, properties_read
 
 ALWAYS = ("name", "input", "where", "partition_by", "measures", "emit")
 CLAUSES: Mapping[type[Body], tuple[str, ...]] = {

@@ -202,7 +202,7 @@ class PatternProgram:
         return state.deadline_us - 1
 
     def dump(self, state: State) -> object:
-        return dump_state(state)
+        return dump_state(state.attempts, state.before)
 
     def load(self, document: object) -> State:
         state = self._state(*load_state(document, self.automaton, self.runner))

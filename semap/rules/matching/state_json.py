@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from semap.rules.bound import Bound
 from semap.rules.matching.attempt import Attempt, TimedOut
@@ -12,9 +12,6 @@ from semap.rules.matching.automaton import Automaton
 from semap.rules.matching.runner import Runner
 from semap.rules.row import Row
 from semap.rules.row_json import dump_row, load_row
-
-if TYPE_CHECKING:
-    from semap.rules.matching.pattern_program import State
 
 
 class _Tables:
@@ -45,7 +42,7 @@ class _Tables:
         return self._chain_numbers[id(bound)]
 
 
-def dump_state(state: State) -> object:
+def dump_state(under_way: Sequence[Attempt], row_before: Row | None) -> object:
     """Chains that runs share are shared again after `load_state`."""
     tables = _Tables()
     attempts = [
@@ -59,9 +56,9 @@ def dump_state(state: State) -> object:
             "timed_out": attempt.timed_out
             and [tables.chain(attempt.timed_out.bound), attempt.timed_out.stamp_us],
         }
-        for attempt in state.attempts
+        for attempt in under_way
     ]
-    before = tables.row(state.before) if state.before is not None else None
+    before = tables.row(row_before) if row_before is not None else None
     return {
         "attempts": attempts,
         "before": before,

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from sqlalchemy import Connection, text
 
 from semap.errors import NotFound
-from semap.store.database import translated
+from semap.store.database.connection import translated
 
 Kind: TypeAlias = Literal["instances", "tracks", "relations", "events"]
 

@@ -9,7 +9,7 @@ from datetime import datetime
 import shapely
 from sqlalchemy import Connection, text
 
-from semap.store.database import translated
+from semap.store.database.connection import translated
 from semap.store.features.collection import Collection
 from semap.store.features.placing import CRS84, placing_of, shown_shapes
 

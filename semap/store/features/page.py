@@ -34,12 +34,12 @@ from sqlalchemy.dialects.postgresql import JSON
 from semap.cql2 import Array, Call, Expression, Interval, Kind, Property, Shape
 from semap.cql2.check import SPATIAL
 from semap.errors import InvalidInput, NotFound
-from semap.store.cql2_sql import condition
-from semap.store.database import translated
+from semap.store.database.connection import translated
+from semap.store.database.cql2_sql import condition
+from semap.store.database.tables import STAMP, abstraction
 from semap.store.features.collection import Collection
 from semap.store.features.placing import CRS84, FAR_AWAY, Placed, Placing, System, on_map
 from semap.store.features.source import GEOMETRY, TYPES, Source, Sql, source_of
-from semap.store.tables import STAMP, abstraction
 
 RFC3339_SQL = 'YYYY-MM-DD"T"HH24:MI:SS.US"Z"'
 DIGITS_DEG, DIGITS_M = 9, 6

@@ -13,10 +13,10 @@ from sqlalchemy import Connection, Integer, cast, func, literal, literal_column,
 from sqlalchemy.sql.elements import ColumnElement
 
 from semap.model.pose import Pose
-from semap.store.anchor import read_anchor
-from semap.store.database import translated
-from semap.store.placement import PARTS
-from semap.store.tables import POSE
+from semap.store.database.connection import translated
+from semap.store.database.tables import POSE
+from semap.store.map.anchor import read_anchor
+from semap.store.map.placement import PARTS
 
 WGS84 = 4326
 WEB_MERCATOR = 3857

@@ -25,11 +25,8 @@ from sqlalchemy import (
 )
 
 from semap.cql2 import Kind
-from semap.store.cql2_sql import Thing
-from semap.store.features.collection import Collection
-from semap.store.seen_state import SEEN, seen_at
-from semap.store.selection import FOOTPRINT, INSTANCE, POSITION, with_shapes
-from semap.store.tables import (
+from semap.store.database.cql2_sql import Thing
+from semap.store.database.tables import (
     STAMP,
     concept,
     event,
@@ -43,6 +40,9 @@ from semap.store.tables import (
     track,
     track_place,
 )
+from semap.store.features.collection import Collection
+from semap.store.map.selection import FOOTPRINT, INSTANCE, POSITION, with_shapes
+from semap.store.motion.seen_state import SEEN, seen_at
 
 Sql = ColumnElement[Any]
 GEOMETRY = "geometry"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from starlette.routing import compile_path
 
-from semap.store.operator_table import OPERATORS
+from semap.store.map.operator_table import OPERATORS
 from semap_service.context.caller import Scope
 
 READING = ("GET", "HEAD", "OPTIONS")

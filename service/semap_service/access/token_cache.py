@@ -17,7 +17,7 @@ from typing import cast
 import anyio
 from sqlalchemy import Engine
 
-from semap.store.tokens import FORM, ValidToken, find_token, hash_of
+from semap.store.operate.tokens import FORM, ValidToken, find_token, hash_of
 from semap_service.context.caller import INCLUDED, SYSTEM, Caller, Scope, acting_as
 from semap_service.database.transaction import transaction
 

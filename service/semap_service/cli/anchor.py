@@ -34,8 +34,8 @@ def anchor(
     """
     from semap.geometry.pose import pose_from_yaw  # noqa: PLC0415
     from semap.model.anchor import Anchor  # noqa: PLC0415
-    from semap.store.anchor import read_anchor, remove_anchor, set_anchor  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.anchor import read_anchor, remove_anchor, set_anchor  # noqa: PLC0415
 
     if remove and epsg is not None:
         raise InvalidInput("--remove and --epsg at once", "Give one of them.")

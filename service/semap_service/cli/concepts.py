@@ -26,8 +26,8 @@ def commands() -> typer.Typer:
 
 def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the taxonomy. A query for a concept includes all concepts below it."""
-    from semap.store.concept import list_concepts  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.concept import list_concepts  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         found = list_concepts(connection)
@@ -46,8 +46,8 @@ def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
 
 def show(name: Name, dsn: Dsn = None) -> None:
     """Show a concept as JSON: its parents, IRIs, comment and the schema of its attributes."""
-    from semap.store.concept import get_concept  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.concept import get_concept  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         print_json(asdict(get_concept(connection, name)))
@@ -72,7 +72,7 @@ def add(
 
     semap concept add Kitchen --parent Room --iri https://brickschema.org/schema/Brick#Kitchen
     """
-    from semap.store.concept import ROOT, Concept, create_concept  # noqa: PLC0415
+    from semap.store.map.concept import ROOT, Concept, create_concept  # noqa: PLC0415
 
     attribute_schema = None if schema is None else _schema(schema)
     new = Concept(0, name, tuple(parent or (ROOT,)), tuple(iri or ()), comment, attribute_schema)

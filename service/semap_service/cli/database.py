@@ -28,10 +28,10 @@ def commands() -> typer.Typer:
 
 def migrate(dsn: Dsn = None) -> None:
     """Create or update semap's schema. Safe to run at any time, also twice at once."""
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.preflight import require_fit  # noqa: PLC0415
-    from semap.store.schema import head_version  # noqa: PLC0415
-    from semap.store.schema import migrate as bring_up_to_date  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.operate.preflight import require_fit  # noqa: PLC0415
+    from semap.store.operate.schema import head_version  # noqa: PLC0415
+    from semap.store.operate.schema import migrate as bring_up_to_date  # noqa: PLC0415
 
     if dsn is None:
         with own_database():
@@ -46,8 +46,8 @@ def migrate(dsn: Dsn = None) -> None:
 
 def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """Show where the database is, its schema, and how far the rule worker has come."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.status import read_status  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.status import read_status  # noqa: PLC0415
     from semap_service.cli.session import database  # noqa: PLC0415
     from semap_service.operations.redaction import redacted  # noqa: PLC0415
 

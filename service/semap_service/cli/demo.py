@@ -91,8 +91,8 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
     from semap_ingest.replay import Plan, replay  # noqa: PLC0415
     from semap_ingest.track_file import fingerprint, read_tracks  # noqa: PLC0415
 
-    from semap.store.database import listen, one_session, wait_for_notice  # noqa: PLC0415
-    from semap.store.events import newest_event  # noqa: PLC0415
+    from semap.store.database.connection import listen, one_session, wait_for_notice  # noqa: PLC0415
+    from semap.store.database.event_number import newest_event  # noqa: PLC0415
 
     _bring_in(dsn, scene)
     tracks = read_tracks(scene.tracks, scene.layout)
@@ -136,10 +136,10 @@ def _bring_in(dsn: str, scene: Scene) -> None:
 
     from semap.rules.language.reading import read_declaration  # noqa: PLC0415
     from semap.rules.language.template import fill  # noqa: PLC0415
-    from semap.store.building import import_building  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import create_map  # noqa: PLC0415
-    from semap.store.rules import add_rule  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.rules import add_rule  # noqa: PLC0415
+    from semap.store.map.building import import_building  # noqa: PLC0415
+    from semap.store.map.maps import create_map  # noqa: PLC0415
     from semap_service.cli.exchange import report_lines  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_api") as connection:
@@ -161,7 +161,7 @@ def _bring_in(dsn: str, scene: Scene) -> None:
 
 
 def _all_made(engine: Engine, map_name: str) -> bool:
-    from semap.store.status import are_events_made  # noqa: PLC0415
+    from semap.store.operate.status import are_events_made  # noqa: PLC0415
 
     with engine.begin() as connection:
         return are_events_made(connection, map_name)
@@ -169,7 +169,7 @@ def _all_made(engine: Engine, map_name: str) -> bool:
 
 def _print_sums(engine: Engine, first: int) -> None:
     """How many tracks entered and left each room, and how often what rules look for was found."""
-    from semap.store.status import sum_types, sum_visits  # noqa: PLC0415
+    from semap.store.operate.status import sum_types, sum_visits  # noqa: PLC0415
 
     with engine.begin() as connection:
         for room, entered, left in sum_visits(connection, first):
@@ -179,7 +179,7 @@ def _print_sums(engine: Engine, first: int) -> None:
 
 
 def _print_events(engine: Engine, scene: Scene, first: int, last: int) -> int:
-    from semap.store.events import list_events  # noqa: PLC0415
+    from semap.store.event.events import list_events  # noqa: PLC0415
     from semap_service.cli.events import row_of, sentence  # noqa: PLC0415
 
     with engine.begin() as connection:

@@ -25,8 +25,8 @@ def list_all(
     dsn: Dsn = None,
 ) -> None:
     """List the doors with a leaf: state, since when, angle, and the rooms that each joins."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.doors import list_doors  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.doors import list_doors  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         found = list_doors(connection, map_name=map_name, after=after, limit=1000)

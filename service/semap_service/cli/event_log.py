@@ -58,8 +58,8 @@ def export(
     from semap.event_log.ocel import write_ocel  # noqa: PLC0415
     from semap.event_log.table import write_csv, write_parquet  # noqa: PLC0415
     from semap.event_log.xes import write_xes  # noqa: PLC0415
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.event_log import Selection, log_entries  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.event.event_log import Selection, log_entries  # noqa: PLC0415
 
     if file.suffix not in FORMATS:
         raise InvalidInput("there is no such format", f"The formats are {', '.join(FORMATS)}.", file.name)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import psycopg
     from sqlalchemy import Engine
 
-    from semap.store.events import StoredEvent, Stretch
+    from semap.store.event.events import StoredEvent, Stretch
     from semap_service.database.event_selection import Selection
 
 PAGE = 500
@@ -100,7 +100,7 @@ class _Reader:
 
         raises  ServerUnavailable if the server does not answer, or went away
         """
-        from semap.store.database import wait_for_notice  # noqa: PLC0415
+        from semap.store.database.connection import wait_for_notice  # noqa: PLC0415
 
         with _listening(dsn) as (listener, engine):
             self.is_waiting = False
@@ -123,7 +123,7 @@ class _Reader:
 
 @contextmanager
 def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
-    from semap.store.database import listen, one_session, translated  # noqa: PLC0415
+    from semap.store.database.connection import listen, one_session, translated  # noqa: PLC0415
 
     with (
         one_session(dsn, "semap_read", application="semap events") as engine,
@@ -134,8 +134,8 @@ def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
 
 
 def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch, Standing]:
-    from semap.store.database import translated  # noqa: PLC0415
-    from semap.store.events import numbers_of, read_stretch  # noqa: PLC0415
+    from semap.store.database.connection import translated  # noqa: PLC0415
+    from semap.store.event.events import numbers_of, read_stretch  # noqa: PLC0415
 
     with translated(), engine.begin() as connection:
         stretch = read_stretch(
@@ -152,8 +152,8 @@ def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch,
 
 
 def _require_map(dsn: str, name: str) -> None:
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_read", application="semap events") as connection:
         get_map(connection, name)

@@ -14,7 +14,7 @@ from semap_service.cli.output import counted, print_json
 from semap_service.cli.session import AsJson, Cell, Dsn, MapName, database, signed_edit
 
 if TYPE_CHECKING:
-    from semap.store.building import ImportReport
+    from semap.store.map.building import ImportReport
 
 GLB, GEOJSON = ".glb", ".geojson"
 
@@ -105,7 +105,7 @@ def export_file(
 
     semap map export office office.glb       to look at in any viewer of glTF
     """
-    from semap.store.database import one_transaction, see_one_state  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction, see_one_state  # noqa: PLC0415
 
     suffix = path.suffix.lower()
     if crs is not None and suffix != GEOJSON:
@@ -120,13 +120,13 @@ def export_file(
         see_one_state(connection)
         if suffix == GLB:
             from semap.formats.gltf import write_gltf  # noqa: PLC0415
-            from semap.store.map_export import placed_instances  # noqa: PLC0415
+            from semap.store.exchange.map_export import placed_instances  # noqa: PLC0415
 
             _write(path, write_gltf(placed_instances(connection, map_name), map_name))
         elif suffix == GEOJSON:
             import json  # noqa: PLC0415
 
-            from semap.store.map_export import placed_instances  # noqa: PLC0415
+            from semap.store.exchange.map_export import placed_instances  # noqa: PLC0415
             from semap_service.exchange.placed_geojson import placed_geojson  # noqa: PLC0415
 
             placed = placed_instances(connection, map_name)
@@ -134,7 +134,7 @@ def export_file(
             _write(path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
         else:
             from semap.formats import write_map  # noqa: PLC0415
-            from semap.store.map_export import export_map  # noqa: PLC0415
+            from semap.store.exchange.map_export import export_map  # noqa: PLC0415
 
             if path.name != YAML_FILE and suffix in (".yaml", ".yml"):
                 raise InvalidInput(

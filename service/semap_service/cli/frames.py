@@ -15,8 +15,8 @@ from semap_service.cli.session import AsJson, Dsn, MapName, database
 
 def frames(map_name: MapName, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the frames of a map, with parents and poses."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.frames import list_frames  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.frames import list_frames  # noqa: PLC0415
 
     rows: list[dict[str, object]] = []
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
@@ -50,9 +50,9 @@ def transform(
 
     semap map transform office map Table1 --at 2026-01-31T12:00:00Z
     """
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.frames import frame_named  # noqa: PLC0415
-    from semap.store.frames import transform as between  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.frames import frame_named  # noqa: PLC0415
+    from semap.store.map.frames import transform as between  # noqa: PLC0415
 
     stamp = None if at is None else _stamp(at)
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:

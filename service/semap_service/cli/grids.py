@@ -26,8 +26,8 @@ def grid(
     semap map grid office floor.yaml
     """
     from semap.formats.occupancy_grid import read_grid  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.grids import delete_grid, put_grid, read_grids  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.grids import delete_grid, put_grid, read_grids  # noqa: PLC0415
 
     read = None if file is None else read_grid(file, name)
     with database(dsn) as opened:

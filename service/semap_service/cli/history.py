@@ -23,8 +23,8 @@ def history(
     dsn: Dsn = None,
 ) -> None:
     """Show the change sets of a map with author and time, the newest first."""
-    from semap.store import history as kept  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map import history as kept  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         if change is not None:
@@ -46,7 +46,7 @@ def undo(change: ChangeId, as_json: AsJson = False, dsn: Dsn = None) -> None:
 
     Refused where something of it was changed since: undo the later change first.
     """
-    from semap.store import history as kept  # noqa: PLC0415
+    from semap.store.map import history as kept  # noqa: PLC0415
 
     with database(dsn) as opened, signed_edit(opened, f"semap map undo {change}") as connection:
         made = kept.undo(connection, change)

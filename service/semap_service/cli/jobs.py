@@ -10,7 +10,7 @@ from semap_service.cli.output import print_json, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
-    from semap.store.jobs import Job
+    from semap.store.operate.jobs import Job
 
 JobId = Annotated[int, typer.Argument(metavar="JOB", min=1, max=2**31 - 1, help="Number of the job.")]
 
@@ -29,8 +29,8 @@ def list_(
     dsn: Dsn = None,
 ) -> None:
     """List jobs, the newest first. Those that ended a week ago are forgotten."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.jobs import Owner, list_jobs  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.jobs import Owner, list_jobs  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = list_jobs(connection, Owner(None, sees_all=True), limit=limit)
@@ -54,8 +54,8 @@ def list_(
 
 def show(job: JobId, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """Say how far a job is, or what came of it."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.jobs import Owner, get_job  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.jobs import Owner, get_job  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = get_job(connection, job, Owner(None, sees_all=True))
@@ -68,8 +68,8 @@ def show(job: JobId, as_json: AsJson = False, dsn: Dsn = None) -> None:
 
 def cancel(job: JobId, dsn: Dsn = None) -> None:
     """Cancel a job: nothing of its file comes in."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.jobs import Owner, cancel_job  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.jobs import Owner, cancel_job  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = cancel_job(connection, job, Owner(None, sees_all=True))

@@ -33,8 +33,8 @@ def commands() -> typer.Typer:
 
 def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the maps."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import list_maps  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import list_maps  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         rows = [asdict(found) for found in list_maps(connection)]
@@ -50,9 +50,9 @@ def show(
     dsn: Dsn = None,
 ) -> None:
     """Show what is on a map: rooms, doors, storeys."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.instances import list_instances  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.instances import list_instances  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
 
     rows: list[dict[str, object]] = []
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
@@ -72,7 +72,7 @@ def show(
 
 def create(name: MapName, cell: Cell = 4.0, dsn: Dsn = None) -> None:
     """Make an empty map, with its query track_in_room and its rule room_visits."""
-    from semap.store.maps import create_map  # noqa: PLC0415
+    from semap.store.map.maps import create_map  # noqa: PLC0415
 
     with database(dsn) as opened, signed_edit(opened, f"semap map create {name}") as connection:
         create_map(connection, name, cell)
@@ -85,7 +85,7 @@ def delete(
     dsn: Dsn = None,
 ) -> None:
     """Delete a map with everything on it: instances, tracks, relations, events."""
-    from semap.store.maps import delete_map  # noqa: PLC0415
+    from semap.store.map.maps import delete_map  # noqa: PLC0415
 
     if not yes:
         typer.confirm(f"Delete map {name} with its tracks and events?", abort=True)

@@ -46,9 +46,9 @@ def plan(
     """
     from semap.model.plan import Person  # noqa: PLC0415
     from semap.picture.plan import draw_plan  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.moment import extent, moment  # noqa: PLC0415
-    from semap.store.plan import things  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.moment import extent, moment  # noqa: PLC0415
+    from semap.store.motion.plan import things  # noqa: PLC0415
 
     _require_picture(file)
     with (
@@ -107,9 +107,9 @@ def trajectories(
     Without --from and --to it shows all that is stored.
     """
     from semap.picture.plan import draw_trajectories  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.moment import extent  # noqa: PLC0415
-    from semap.store.plan import things, ways  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.moment import extent  # noqa: PLC0415
+    from semap.store.motion.plan import things, ways  # noqa: PLC0415
     from semap.timeline.stamp import to_datetime, to_us  # noqa: PLC0415
 
     _require_picture(file)
@@ -148,8 +148,8 @@ def timeline(
     Without --from and --to it shows all events of the map.
     """
     from semap.picture.timeline import draw_timeline  # noqa: PLC0415
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.event_log import Selection, lanes, span_of  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.event.event_log import Selection, lanes, span_of  # noqa: PLC0415
 
     _require_picture(file)
     require_order(start, end)

@@ -44,7 +44,7 @@ AllowPrivateWebhooks = Annotated[
 ]
 
 if TYPE_CHECKING:
-    from semap.store.patience import Reminder
+    from semap.store.database.backoff import Reminder
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ def up(
     dsn: Dsn = None,
 ) -> None:
     """Run everything: PostGIS (semap's own, without --dsn), the rule worker and the service."""
-    from semap.store.patience import Reminder  # noqa: PLC0415
+    from semap.store.database.backoff import Reminder  # noqa: PLC0415
     from semap_service.processes.port import require_free  # noqa: PLC0415
     from semap_service.processes.supervisor import Supervisor, stop_signal  # noqa: PLC0415
 
@@ -213,8 +213,8 @@ def require_tokens(host: str, without_tokens: bool) -> None:
 
 
 def _say_how_to_make_a_token(dsn: str) -> None:
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tokens import has_tokens  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.tokens import has_tokens  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_admin") as connection:
         if not has_tokens(connection):

@@ -41,9 +41,9 @@ def commands() -> typer.Typer:
 
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the continuous queries."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
-    from semap.store.queries import list_queries  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
+    from semap.store.relation.queries import list_queries  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
@@ -118,8 +118,8 @@ def add(
 
     semap query add close --map office --object track --predicate within_distance --distance 2
     """
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import add_query, declaration_from_sql, lacks_instances  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.relation.queries import add_query, declaration_from_sql, lacks_instances  # noqa: PLC0415
 
     edges = options.edges(
         debounce, margin, confirm, probability, (longest_gap, fastest) if between_samples else None
@@ -163,8 +163,8 @@ def disable(query_id: QueryId, dsn: Dsn = None) -> None:
 
 
 def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import enable_query  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.relation.queries import enable_query  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         done = enable_query(connection, query_id, enabled)
@@ -173,8 +173,8 @@ def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
 
 def delete(query_id: QueryId, dsn: Dsn = None) -> None:
     """Delete a query that no rule reads; its relations end."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import delete_query  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.relation.queries import delete_query  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         delete_query(connection, query_id)
@@ -191,7 +191,7 @@ def now(
     dsn: Dsn = None,
 ) -> None:
     """Show the current relations with their beginning; or those as of a time, with end and duration."""
-    from semap.store.relation_spans import Chosen  # noqa: PLC0415
+    from semap.store.relation.relation_spans import Chosen  # noqa: PLC0415
 
     relations.show(Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
 
@@ -210,8 +210,8 @@ def watch(
     `=` holds, `+` began, `-` ended, `x` crossed a line; with the transition time and, if it is later, the
     stamp of confirmation. Late states correct the past: changes are `added`, and former ones `retracted`.
     """
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.queries import find_query  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.relation.queries import find_query  # noqa: PLC0415
     from semap.worker.query_watch import watch_query  # noqa: PLC0415
 
     with database(dsn) as opened:

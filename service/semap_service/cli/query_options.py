@@ -99,7 +99,7 @@ def side(kind: str, concept: str | None, where: str | None, option: str) -> Side
 
     raises  InvalidInput if there is no such kind, or the condition cannot be read
     """
-    from semap.store.queries import read_condition  # noqa: PLC0415
+    from semap.store.relation.queries import read_condition  # noqa: PLC0415
 
     kinds: dict[str, Kind] = {"track": "track", "instance": "instance"}
     if kind not in kinds:

@@ -12,7 +12,7 @@ from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.cli.stamp import AsOf, From, To, require_order
 
 if TYPE_CHECKING:
-    from semap.store.relation_spans import Chosen
+    from semap.store.relation.relation_spans import Chosen
 
 
 def relations(
@@ -30,7 +30,7 @@ def relations(
 
     semap relations --map office --as-of 2026-01-31T12:00:00Z
     """
-    from semap.store.relation_spans import Chosen  # noqa: PLC0415
+    from semap.store.relation.relation_spans import Chosen  # noqa: PLC0415
 
     require_order(start, end)
     if as_of is not None and (start is not None or end is not None):
@@ -40,8 +40,8 @@ def relations(
 
 def show(chosen: Chosen, as_json: bool, dsn: str | None) -> None:
     """Print what holds or held, with how long it did."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.relation_spans import list_spans  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.relation.relation_spans import list_spans  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         rows = [dict(row) for row in list_spans(connection, chosen)]

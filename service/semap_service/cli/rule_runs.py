@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from semap.model.event import Event
     from semap.model.given_up import GivenUp
     from semap.rules.declaration import Declaration
-    from semap.store.rules import Rule
+    from semap.store.event.rules import Rule
 
 
 def add_to(app: typer.Typer) -> None:
@@ -39,7 +39,7 @@ def dry_run(
     dsn: Dsn = None,
 ) -> None:
     """Show the events that a rule would have made over stored history; nothing is written."""
-    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
     from semap.worker import past  # noqa: PLC0415
 
     declaration = declaration_in(file)
@@ -71,7 +71,7 @@ def explain(
     dsn: Dsn = None,
 ) -> None:
     """Explain why a rule matched at a time, or how far it matched and which condition failed."""
-    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
     from semap.worker.why import explain as explain_rule  # noqa: PLC0415
 
     key = dict(_named(each) for each in keys or ())
@@ -94,7 +94,7 @@ def learn(
     dsn: Dsn = None,
 ) -> None:
     """Fit the confidence of a rule to the gaps in stored history, as its next version."""
-    from semap.store.database import connect, one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import connect, one_transaction  # noqa: PLC0415
     from semap.worker.past import learnt  # noqa: PLC0415
     from semap_service.database.rule_edit import replace_rule  # noqa: PLC0415
 
@@ -114,8 +114,8 @@ def learn(
 
 def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
     """Evaluate late rows, and add the missing events."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.worker.late_replay import replay_late as replay  # noqa: PLC0415
 
     with database(dsn) as opened:
@@ -131,8 +131,8 @@ def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
 def _declared(dsn: str, rule: str, map_name: str | None) -> tuple[Declaration, Rule]:
     """What a stored rule declares, and the rule itself."""
     from semap.rules.language.reading import parse_declaration  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_read") as connection:
         found = find_rule(connection, rule, map_name)

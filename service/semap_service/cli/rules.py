@@ -19,7 +19,7 @@ from semap_service.cli.session import AsJson, Dsn, database
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from semap.store.rules import Rule
+    from semap.store.event.rules import Rule
 
 Backfill = Annotated[
     str | None,
@@ -47,7 +47,7 @@ def commands() -> typer.Typer:
 
 def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the rules."""
-    from semap.store.rules import list_rules  # noqa: PLC0415
+    from semap.store.event.rules import list_rules  # noqa: PLC0415
 
     with _reading(dsn) as connection:
         _require_map(connection, map_name)
@@ -72,7 +72,7 @@ def _made_by(declaration: Mapping[str, object]) -> str:
 
 def show(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Show a rule as JSON."""
-    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
 
     with _reading(dsn) as connection:
         print_json(asdict(find_rule(connection, rule, map_name)))
@@ -80,7 +80,7 @@ def show(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
 
 def versions(rule: RuleName, map_name: MapOfRule = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the versions of a rule from the first on; --json shows all that each declared."""
-    from semap.store.rules import find_rule, list_versions  # noqa: PLC0415
+    from semap.store.event.rules import find_rule, list_versions  # noqa: PLC0415
 
     with _reading(dsn) as connection:
         rule_id = find_rule(connection, rule, map_name).rule_id
@@ -144,7 +144,7 @@ def add(
         input: track_in_room
         emit: {began: came, ended: went}
     """
-    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
     from semap_service.database.rule_edit import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
 
     declaration = declaration_in(file)
@@ -171,7 +171,7 @@ def replace(
     dsn: Dsn = None,
 ) -> None:
     """Replace the declaration of a rule by a new version; the state of the former one is dropped."""
-    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
     from semap_service.database.rule_edit import backfill_stamp, replace_rule  # noqa: PLC0415
 
     since = None if backfill is None else backfill_stamp(backfill)
@@ -193,7 +193,7 @@ def disable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None
 
 def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Delete a rule that no other reads; the events that it made stay."""
-    from semap.store.rules import find_rule  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
     from semap_service.database.rule_edit import delete_rule  # noqa: PLC0415
 
     with _editing(dsn) as connection:
@@ -204,7 +204,7 @@ def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
 
 def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
     """Count late rows, which came behind the watermark, by map and input."""
-    from semap.store.late_rows import count_late_rows  # noqa: PLC0415
+    from semap.store.event.late_rows import count_late_rows  # noqa: PLC0415
 
     with _reading(dsn) as connection:
         _require_map(connection, map_name)
@@ -214,14 +214,14 @@ def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -
 
 def _require_map(connection: Connection, map_name: str | None) -> None:
     """raises NotFound for a name that is no map's"""
-    from semap.store.maps import get_map  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
 
     if map_name is not None:
         get_map(connection, map_name)
 
 
 def _enable(rule: str, map_name: str | None, enabled: bool, dsn: str | None) -> None:
-    from semap.store.rules import enable_rule, find_rule  # noqa: PLC0415
+    from semap.store.event.rules import enable_rule, find_rule  # noqa: PLC0415
 
     with _editing(dsn) as connection:
         done = enable_rule(connection, find_rule(connection, rule, map_name).rule_id, enabled)
@@ -236,7 +236,7 @@ def _say(done: Rule, what: str) -> None:
 
 @contextmanager
 def _reading(dsn: str | None) -> Iterator[Connection]:
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         yield connection
@@ -244,7 +244,7 @@ def _reading(dsn: str | None) -> Iterator[Connection]:
 
 @contextmanager
 def _editing(dsn: str | None) -> Iterator[Connection]:
-    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         yield connection

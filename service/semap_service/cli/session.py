@@ -39,8 +39,8 @@ def database(dsn: str | None) -> Iterator[str]:
 
     semap's own is started, made and migrated as needed; the user's own is only checked.
     """
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.schema import require_current  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.operate.schema import require_current  # noqa: PLC0415
 
     if dsn is not None:
         with connect(dsn) as connection:
@@ -55,8 +55,8 @@ def database(dsn: str | None) -> Iterator[str]:
 def own_database(name: str = DATABASE) -> Iterator[str]:
     """The DSN of a database in semap's own server."""
     from semap.cluster import default_home, lease  # noqa: PLC0415
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.schema import is_current, migrate  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.operate.schema import is_current, migrate  # noqa: PLC0415
 
     with lease(default_home()) as cluster:
         if not cluster.has_database(name):
@@ -72,8 +72,8 @@ def own_database(name: str = DATABASE) -> Iterator[str]:
 @contextmanager
 def signed_edit(dsn: str, message: str) -> Iterator[Connection]:
     """A transaction that changes the map; its history says which user of this machine did what."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.history import sign  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.history import sign  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_api") as connection:
         sign(connection, user(), message)

@@ -11,7 +11,7 @@ from semap_service.cli.output import print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
-    from semap.store.sources import Source
+    from semap.store.motion.sources import Source
 
 EVERY = "none"
 
@@ -29,9 +29,9 @@ def list_all(
     dsn: Dsn = None,
 ) -> None:
     """List the sources with their settings, and their numbers of outliers and late states."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
-    from semap.store.sources import list_sources  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
+    from semap.store.motion.sources import list_sources  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
@@ -67,8 +67,8 @@ def change(
 
     semap source set lidar --map office --jump 5 --jump-speed 10 --lateness 2
     """
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.sources import change_source, find_source  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.sources import change_source, find_source  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         known = find_source(connection, map_name, name)

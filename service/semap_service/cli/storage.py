@@ -14,9 +14,9 @@ from semap_service.cli.session import AsJson, Dsn, database
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from semap.store.disk_use import DayOfStates, DiskUse
-    from semap.store.maintenance import Maintained
-    from semap.store.retention import Retention
+    from semap.store.operate.disk_use import DayOfStates, DiskUse
+    from semap.store.operate.maintenance import Maintained
+    from semap.store.operate.retention import Retention
 
 SHOWN_DAYS = 14
 NEVER = "never"
@@ -27,8 +27,8 @@ def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
 
     Rows are about as many, as PostgreSQL estimates them; a day of states is one of event time, in UTC.
     """
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.disk_use import read_disk_use  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.operate.disk_use import read_disk_use  # noqa: PLC0415
 
     with database(dsn) as opened, connect(opened, "semap_read") as connection:
         use = read_disk_use(connection)
@@ -86,8 +86,8 @@ def retention(
     Age is by event time: a recording of last year that comes in today is as old as last year. The rule worker
     does what is due once an hour, `semap db maintain` at once. Without an age nothing is dropped.
     """
-    from semap.store.database import connect  # noqa: PLC0415
-    from semap.store.retention import change_retention, read_retention  # noqa: PLC0415
+    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.operate.retention import change_retention, read_retention  # noqa: PLC0415
 
     ages = {
         ("states", "pack_after"): pack_states_after,
@@ -116,7 +116,7 @@ def maintain(
     The rule worker does the same once an hour. It may be stopped at any moment; tables in use are left for
     the next time.
     """
-    from semap.store.maintenance import maintain as do_all  # noqa: PLC0415
+    from semap.store.operate.maintenance import maintain as do_all  # noqa: PLC0415
 
     with database(dsn) as opened:
         done = do_all(opened, lambda text: typer.echo(f"{text} ...", err=True), dry_run=dry_run)
@@ -172,7 +172,7 @@ def _age(text: str, key: Sequence[str]) -> timedelta | None:
 
 
 def _retention_row(kept: Retention) -> dict[str, Any]:
-    from semap.store.retention import WORDS  # noqa: PLC0415
+    from semap.store.operate.retention import WORDS  # noqa: PLC0415
 
     return {
         "what": WORDS[kept.kind],

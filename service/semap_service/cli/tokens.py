@@ -12,7 +12,7 @@ from semap_service.cli.output import print_json, print_rows
 from semap_service.cli.session import AsJson, Dsn, database, user
 
 if TYPE_CHECKING:
-    from semap.store.tokens import Token
+    from semap.store.operate.tokens import Token
 
 UNITS = {"m": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1), "y": timedelta(days=365)}
 LONGEST = timedelta(days=365 * 100)
@@ -50,8 +50,8 @@ def add(
     dsn: Dsn = None,
 ) -> None:
     """Make a token. It is shown only this once."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tokens import add_token  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.tokens import add_token  # noqa: PLC0415
 
     expires_at = None if expires is None else _expiry(expires, datetime.now(UTC))
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
@@ -72,8 +72,8 @@ def add(
 
 def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the tokens, also those that have expired or were revoked."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tokens import list_tokens  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.tokens import list_tokens  # noqa: PLC0415
 
     found: list[Token] = []
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
@@ -89,8 +89,8 @@ def revoke(
 ) -> None:
     """Revoke a token. Its feeds and jobs end within seconds."""
     from semap.errors import NotFound  # noqa: PLC0415
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tokens import revoke_token, token_id_of  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.operate.tokens import revoke_token, token_id_of  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         try:

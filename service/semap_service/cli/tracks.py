@@ -11,7 +11,7 @@ from semap_service.cli.output import clock, counted, print_json_line, print_rows
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
-    from semap.store.track_amendments import TrackAmendment
+    from semap.store.motion.track_amendments import TrackAmendment
 
 PAGE = 500
 WAKE_S = 1.0
@@ -38,8 +38,8 @@ def list_all(
     dsn: Dsn = None,
 ) -> None:
     """List the live tracks, with position and extent."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tracks import count_ended, list_tracks  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.tracks import count_ended, list_tracks  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         found = list_tracks(
@@ -74,8 +74,8 @@ def describe(
     dsn: Dsn = None,
 ) -> None:
     """Set the concept and attributes of a track. Queries select it by them from now on."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.tracks import describe_track, get_track  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.motion.tracks import describe_track, get_track  # noqa: PLC0415
     from semap_service.cli.written_attributes import read_attributes  # noqa: PLC0415
 
     said = read_attributes(attributes)
@@ -95,8 +95,8 @@ def amendments(
     dsn: Dsn = None,
 ) -> None:
     """Show tracks that turned out to be one person, or that swapped persons, oldest first."""
-    from semap.store.database import listen, one_session, wait_for_notice  # noqa: PLC0415
-    from semap.store.track_amendments import list_track_amendments  # noqa: PLC0415
+    from semap.store.database.connection import listen, one_session, wait_for_notice  # noqa: PLC0415
+    from semap.store.motion.track_amendments import list_track_amendments  # noqa: PLC0415
 
     with (
         database(dsn) as opened,

@@ -45,9 +45,9 @@ def add(
 
     An address of a private network is sent to only by a service that runs with --allow-private-webhooks.
     """
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.maps import get_map  # noqa: PLC0415
-    from semap.store.webhooks import create_webhook  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import create_webhook  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap_service.database.event_selection import Selection  # noqa: PLC0415
     from semap_service.webhooks.address import require_url  # noqa: PLC0415
     from semap_service.webhooks.signature import new_secret, shown  # noqa: PLC0415
@@ -77,8 +77,8 @@ def add(
 
 def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the webhooks, and the state of their deliveries."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.webhooks import list_webhooks  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import list_webhooks  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = list_webhooks(connection, limit=1000)
@@ -112,8 +112,8 @@ def resume(webhook: WebhookId, dsn: Dsn = None) -> None:
 
 def remove(webhook: WebhookId, dsn: Dsn = None) -> None:
     """Remove a webhook, with its dead letters."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.webhooks import delete_webhook  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import delete_webhook  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         delete_webhook(connection, webhook)
@@ -127,8 +127,8 @@ def dead_letters(
     dsn: Dsn = None,
 ) -> None:
     """List events that the receiver did not accept."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.webhooks import list_dead_letters  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import list_dead_letters  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = list_dead_letters(connection, webhook, limit=limit)
@@ -143,8 +143,8 @@ def resend(
     dsn: Dsn = None,
 ) -> None:
     """Have dead letters sent again by the service, the oldest first."""
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.webhooks import ask_resend  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import ask_resend  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         asked = ask_resend(connection, webhook, letter)
@@ -152,8 +152,8 @@ def resend(
 
 
 def _set_state(webhook: int, state: str, dsn: str | None) -> None:
-    from semap.store.database import one_transaction  # noqa: PLC0415
-    from semap.store.webhooks import change_webhook  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.webhooks import change_webhook  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         change_webhook(connection, webhook, {"state": state})

@@ -13,7 +13,7 @@ from semap.cql2.evaluate import Subject, compile_filter
 from semap.cql2.expression import Property, parts
 from semap.cql2.logic import Code, code
 from semap.errors import InvalidInput
-from semap.store.events import StoredEvent
+from semap.store.event.events import StoredEvent
 from semap.timeline.stamp import to_us
 
 FILTERS_KEPT = 1024

@@ -15,8 +15,8 @@ from semap.errors import Conflict
 from semap.rules.declaration import Declaration
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.language.reading import parse_declaration
-from semap.store import rules
-from semap.store.rules import SINCE_EVER, Rule
+from semap.store.event import rules
+from semap.store.event.rules import SINCE_EVER, Rule
 from semap.timeline.stamp import parse_stamp, to_datetime
 
 ALL: Literal["all"] = "all"

@@ -17,8 +17,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.requests import HTTPConnection
 
 from semap.errors import AccessRefused, ChangedMeanwhile, NotFound, NotPermitted, ServerUnavailable
-from semap.store.database import translated
-from semap.store.history import sign
+from semap.store.database.connection import translated
+from semap.store.map.history import sign
 from semap_service.context.caller import acting, current_caller
 from semap_service.database.role import entering, whole_map_role
 from semap_service.http.etag import Representation, etag_of, names

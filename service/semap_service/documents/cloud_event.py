@@ -15,7 +15,7 @@ from uuid import UUID
 from pydantic import ConfigDict, Field
 from starlette.requests import HTTPConnection
 
-from semap.store.events import StoredEvent
+from semap.store.event.events import StoredEvent
 from semap_service.documents.document import Document, Stamp, rfc3339
 from semap_service.documents.event import EXAMPLE, EventDocument, event_document
 

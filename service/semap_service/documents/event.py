@@ -8,7 +8,7 @@ from uuid import UUID
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.config import JsonDict
 
-from semap.store.events import StoredEvent
+from semap.store.event.events import StoredEvent
 from semap_service.documents.document import Document, Stamp
 
 EXAMPLE: JsonDict = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from semap.store.building import ImportReport
+from semap.store.map.building import ImportReport
 from semap_service.documents.document import Document
 from semap_service.documents.geometry import FindingDocument
 

@@ -13,11 +13,11 @@ from semap.geometry.pose import transform_mesh
 from semap.geometry.prism import extrude
 from semap.model.building import Item, Mesh
 from semap.model.pose import IDENTITY
-from semap.store.frames import Keep
-from semap.store.history import PastInstance
-from semap.store.instance_edit import KEEP, Changes
-from semap.store.instances import InstanceDetail
-from semap.store.placement import inverse, normalised
+from semap.store.map.frames import Keep
+from semap.store.map.history import PastInstance
+from semap.store.map.instance_edit import KEEP, Changes
+from semap.store.map.instances import InstanceDetail
+from semap.store.map.placement import inverse, normalised
 from semap_service.documents.document import (
     AreaDocument,
     BandDocument,

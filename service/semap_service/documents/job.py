@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from semap.store.jobs import Kind, State
+from semap.store.operate.jobs import Kind, State
 from semap_service.documents.document import Document, Next, Stamp
 from semap_service.documents.problem import Problem
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from semap.store.live import ShownTrack
+from semap.store.motion.live import ShownTrack
 from semap_service.documents.document import Document, Stamp
 
 

@@ -17,9 +17,9 @@ from semap_ingest.pipeline.meter import Meter, no_meter
 
 from semap.errors import DatabaseError, NotFound
 from semap.rules.language.reading import read_declaration
-from semap.store.database import connect, listen, one_transaction, wait_for_notice
-from semap.store.maps import delete_map
-from semap.store.rules import add_rule
+from semap.store.database.connection import connect, listen, one_transaction, wait_for_notice
+from semap.store.event.rules import add_rule
+from semap.store.map.maps import delete_map
 from semap.timeline.stamp import to_us
 from semap_service.exchange.map_file import bring_in, read_file
 

@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import Query
 from sqlalchemy import Connection
 
-from semap.store.anchor import on_earth
-from semap.store.instances import InstanceDetail
+from semap.store.map.anchor import on_earth
+from semap.store.map.instances import InstanceDetail
 
 PREFIX = "EPSG:"
 

@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 
 from semap.errors import NotFound
 from semap.model.source_geometry import SourceGeometry
-from semap.store import blueprints
+from semap.store.map import blueprints
 from semap_service.documents.geometry import geometry_document
 from semap_service.documents.shape import fits_json
 from semap_service.exchange.mesh_response import mesh_bytes

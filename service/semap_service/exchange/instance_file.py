@@ -18,9 +18,9 @@ from sqlalchemy import Connection
 from semap.errors import Conflict, InvalidInput, SemapError, TooLarge
 from semap.formats import read_building
 from semap.formats.source import refuse_utf16
-from semap.store.building import import_building
-from semap.store.instance_batch import NewInstance, create_instances
-from semap.store.maps import map_id_of
+from semap.store.map.building import import_building
+from semap.store.map.instance_batch import NewInstance, create_instances
+from semap.store.map.maps import map_id_of
 from semap_service.documents.file_import import InstanceImportDocument
 from semap_service.documents.geometry import FindingDocument
 from semap_service.documents.instance import NewInstance as NewInstanceDocument

@@ -16,9 +16,9 @@ from semap.formats.uncollected import uncollected
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
 from semap.rules.language.reading import parse_declaration
-from semap.store.building import DOOR, ImportReport, import_building
-from semap.store.map_import import import_map
-from semap.store.maps import create_map, list_maps
+from semap.store.exchange.map_import import import_map
+from semap.store.map.building import DOOR, ImportReport, import_building
+from semap.store.map.maps import create_map, list_maps
 from semap_service.exchange.zip_archive import unpack
 
 MAP_FILE = "map.yaml"

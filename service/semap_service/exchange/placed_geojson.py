@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 
 from semap.formats.geojson_export import write_geojson
 from semap.model.map_document import PlacedInstance
-from semap.store.anchor import on_earth
+from semap.store.map.anchor import on_earth
 from semap_service.exchange.crs import epsg_of
 
 WGS84 = 4326

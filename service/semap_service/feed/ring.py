@@ -28,9 +28,10 @@ import psycopg
 from sqlalchemy import Engine
 
 from semap.errors import SemapError, ServerUnavailable
-from semap.store.database import connect, listen, translated
-from semap.store.events import StoredEvent, newest_event, read_stretch, take_events, take_newest
-from semap.store.patience import Reminder
+from semap.store.database.backoff import Reminder
+from semap.store.database.connection import connect, listen, translated
+from semap.store.database.event_number import newest_event, take_newest
+from semap.store.event.events import StoredEvent, read_stretch, take_events
 from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import transaction
 from semap_service.documents.event import event_json

@@ -17,7 +17,7 @@ from fastapi import Depends, Header, Request, UploadFile
 from fastapi.responses import JSONResponse
 
 from semap.errors import TooManyRequests
-from semap.store.jobs import Job, Kind, Owner, get_job
+from semap.store.operate.jobs import Job, Kind, Owner, get_job
 from semap_service.context.caller import SYSTEM, acting_as, current_caller
 from semap_service.context.request_id import current_request_id
 from semap_service.database.transaction import Writing, transaction

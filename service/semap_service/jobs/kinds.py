@@ -15,9 +15,9 @@ from semap.formats.geojson_system import Crs
 from semap.formats.mesh_file import MAX_BYTES, MeshFile, read_mesh_file
 from semap.model.pose import Pose
 from semap.model.source_geometry import SourceGeometry
-from semap.store import blueprints, instances
-from semap.store.instance_edit import Changes, edit_instance
-from semap.store.jobs import Kind
+from semap.store.map import blueprints, instances
+from semap.store.map.instance_edit import Changes, edit_instance
+from semap.store.operate.jobs import Kind
 from semap_service.documents.file_import import import_document
 from semap_service.documents.geometry import UploadedGeometry
 from semap_service.documents.instance import detail

@@ -20,8 +20,8 @@ import psycopg
 from sqlalchemy import Connection, Engine
 
 from semap.errors import SemapError
-from semap.store.database import open_engine
-from semap.store.jobs import fail_job, finish_job, report, stop_job
+from semap.store.database.connection import open_engine
+from semap.store.operate.jobs import fail_job, finish_job, report, stop_job
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import Editing, Writing, transaction
 from semap_service.jobs.failure import out_of_memory, problem_of, stopped, unexpected, unreadable

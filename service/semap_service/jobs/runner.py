@@ -21,8 +21,9 @@ import psycopg
 from sqlalchemy import Connection, Engine
 
 from semap.errors import SemapError, TooManyRequests
-from semap.store.database import connect, translated
-from semap.store.jobs import (
+from semap.store.database.backoff import Reminder
+from semap.store.database.connection import connect, translated
+from semap.store.operate.jobs import (
     Job,
     Kind,
     add_job,
@@ -33,7 +34,6 @@ from semap.store.jobs import (
     next_job_id,
     start_job,
 )
-from semap.store.patience import Reminder
 from semap_service.context.caller import SYSTEM, Caller, acting_as
 from semap_service.database.transaction import transaction
 from semap_service.jobs.failure import died, stopped

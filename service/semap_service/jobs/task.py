@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from semap.store.jobs import Kind
+from semap.store.operate.jobs import Kind
 from semap_service.context.caller import Caller
 
 

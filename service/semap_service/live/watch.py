@@ -12,8 +12,8 @@ from typing import TypeVar
 from sqlalchemy import Engine
 
 from semap.errors import NotFound, SemapError
-from semap.store.live import LiveMap, live_map
-from semap.store.patience import Reminder
+from semap.store.database.backoff import Reminder
+from semap.store.motion.live import LiveMap, live_map
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import transaction
 from semap_service.documents.live_map import LiveHeartbeat

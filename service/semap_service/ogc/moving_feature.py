@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sqlalchemy import Connection
 
-from semap.store.track_history import span
+from semap.store.motion.track_history import span
 from semap_service.documents.document import rfc3339
 
 GREGORIAN = "urn:ogc:data:time:iso8601"

@@ -13,7 +13,7 @@ from datetime import datetime
 from itertools import accumulate, pairwise
 from typing import Literal, TypeAlias
 
-from semap.store.track_history import PastState
+from semap.store.motion.track_history import PastState
 
 LONGEST_PIECE = 1000
 

@@ -22,8 +22,8 @@ from sqlalchemy.pool import QueuePool
 
 from semap import __version__
 from semap.errors import SemapError
-from semap.store.figures import Figures, newest, read_figures, sample_lags
-from semap.store.schema import head_version
+from semap.store.operate.metrics import Figures, newest, read_figures, sample_lags
+from semap.store.operate.schema import head_version
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import transaction
 from semap_service.operations.instruments import Instruments

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, text
 
 from semap.errors import NotPermitted, SemapError
-from semap.store.database import translated
-from semap.store.schema import head_version
+from semap.store.database.connection import translated
+from semap.store.operate.schema import head_version
 
 SILENT_S = 30.0
 """A worker that has not said for so long that it is at work does none; it says so each five seconds."""

@@ -13,7 +13,7 @@ from pathlib import Path
 def temporary_server(name: str) -> Iterator[str]:
     """Gives the DSN of the database `name`; the user's own server and maps are not touched."""
     from semap.cluster import lease  # noqa: PLC0415
-    from semap.store.schema import migrate  # noqa: PLC0415
+    from semap.store.operate.schema import migrate  # noqa: PLC0415
 
     folder = Path(tempfile.mkdtemp(prefix=f"semap-{name}-"))
     folder.chmod(0o711)

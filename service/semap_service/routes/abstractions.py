@@ -10,9 +10,9 @@ from pydantic import Field
 
 from semap.model.building import HeightBand, Mesh
 from semap.model.source_geometry import PolygonMesh
-from semap.store import abstractions
-from semap.store.anchor import on_earth
-from semap.store.instances import get_instance
+from semap.store.map import abstractions
+from semap.store.map.anchor import on_earth
+from semap.store.map.instances import get_instance
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import BandDocument, Document, Id
 from semap_service.documents.shape import ShapeDocument, shape_document

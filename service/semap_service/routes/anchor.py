@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 
 from semap.errors import NotFound
 from semap.model.anchor import Anchor
-from semap.store.anchor import read_anchor, remove_anchor, set_anchor
+from semap.store.map.anchor import read_anchor, remove_anchor, set_anchor
 from semap_service.database.transaction import Database, Edit, transaction
 from semap_service.documents.document import PoseDocument, Request
 from semap_service.http.etag import TaggedRoute, edits, reads

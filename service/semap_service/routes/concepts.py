@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
-from semap.store import concept
+from semap.store.map import concept
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import Document, Name, Request
 from semap_service.http.etag import TaggedRoute, edits, reads

@@ -9,7 +9,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.model.source_geometry import GeometryType
-from semap.store import blueprints
+from semap.store.map import blueprints
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import (
     LARGEST_ID,

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from semap.store import doors
-from semap.store.maps import get_map
+from semap.store.map.maps import get_map
+from semap.store.motion import doors
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import (
     After,

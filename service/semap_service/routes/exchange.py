@@ -20,9 +20,9 @@ from semap.errors import InvalidInput, NotFound
 from semap.formats import write_map
 from semap.formats.geojson_system import Crs as Coordinates
 from semap.formats.gltf import write_gltf
-from semap.store.database import see_one_state
-from semap.store.map_export import export_map, placed_instances
-from semap.store.maps import get_map
+from semap.store.database.connection import see_one_state
+from semap.store.exchange.map_export import export_map, placed_instances
+from semap.store.map.maps import get_map
 from semap_service.database.transaction import Database, Write, transaction
 from semap_service.documents.document import Name
 from semap_service.documents.file_import import ImportDocument, InstanceImportDocument, import_document

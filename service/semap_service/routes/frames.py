@@ -8,8 +8,8 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
-from semap.store import frames
-from semap.store.placement import ROOT_FRAME
+from semap.store.map import frames
+from semap.store.map.placement import ROOT_FRAME
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import (
     After,

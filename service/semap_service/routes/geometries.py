@@ -11,7 +11,7 @@ from fastapi.responses import Response
 from pydantic import Json
 
 from semap.model.source_geometry import SourceGeometry
-from semap.store import blueprints
+from semap.store.map import blueprints
 from semap_service.database.transaction import Database, Edit, transaction
 from semap_service.documents.document import FewValues, Id, PoseDocument
 from semap_service.documents.geometry import (

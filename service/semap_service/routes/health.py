@@ -10,7 +10,7 @@ from pydantic import Field
 from starlette.requests import Request
 
 from semap import __version__
-from semap.store.schema import head_version
+from semap.store.operate.schema import head_version
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import transaction
 from semap_service.documents.document import Document

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field
 from sqlalchemy import Connection
 
-from semap.store import history
+from semap.store.map import history
 from semap_service.database.transaction import Database, Write, transaction
 from semap_service.documents.document import LARGEST_ID, Document, Id, Limit, Stamp
 from semap_service.http.etag import TaggedRoute, reads

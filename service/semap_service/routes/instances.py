@@ -11,9 +11,9 @@ from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
 from semap.model.building import Mesh
-from semap.store import history, instance_links, instances
-from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
-from semap.store.maps import get_map
+from semap.store.map import history, instance_links, instances
+from semap.store.map.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
+from semap.store.map.maps import get_map
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import (
     After,

@@ -9,7 +9,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from sqlalchemy import Engine
 
-from semap.store import jobs
+from semap.store.operate import jobs
 from semap_service.context.caller import SYSTEM, acting_as, current_caller
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import LARGEST_SMALL_ID, Limit, SmallId

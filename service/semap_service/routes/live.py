@@ -9,7 +9,7 @@ from fastapi import APIRouter, WebSocket
 from sqlalchemy import Engine
 
 from semap.errors import NotFound, SemapError
-from semap.store.maps import map_id_of
+from semap.store.map.maps import map_id_of
 from semap_service.context.caller import current_caller
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.feed import Failure

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field
 from sqlalchemy import Connection
 
-from semap.store import maps
+from semap.store.map import maps
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import Document, Limit, Name, Request, Stamp
 from semap_service.http.etag import TaggedRoute, edits, reads

@@ -9,7 +9,8 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 
 from semap.errors import InvalidInput
-from semap.store import events, moment
+from semap.store.event import events
+from semap.store.motion import moment
 from semap_service.context.caller import current_caller
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import Document, InStamp, Stamp

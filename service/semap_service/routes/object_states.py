@@ -8,9 +8,9 @@ from uuid import UUID
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
 
-from semap.store import object_states
-from semap.store.maps import get_map
-from semap.store.object_states import NewObjectState
+from semap.store.map.maps import get_map
+from semap.store.motion import object_states
+from semap.store.motion.object_states import NewObjectState
 from semap_service.database.transaction import Database, Write, transaction
 from semap_service.documents.document import (
     After,

@@ -15,8 +15,8 @@ from sqlalchemy import Connection
 from semap.errors import InvalidInput, NotFound
 from semap.store.features.collection import Collection, get_collection
 from semap.store.features.placing import Placing, System, placing_of, shown_shapes
-from semap.store.track_history import PastState, history, state_at, states_around
-from semap.store.tracks import get_track
+from semap.store.motion.track_history import PastState, history, state_at, states_around
+from semap.store.motion.tracks import get_track
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND, to_datetime, to_us
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import rfc3339

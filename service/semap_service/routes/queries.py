@@ -23,9 +23,9 @@ from semap.model.continuous_query import (
     Predicate,
     Side,
 )
-from semap.store import queries
-from semap.store.maps import get_map
-from semap.store.query_check import PARAMETERS, Flat
+from semap.store.map.maps import get_map
+from semap.store.relation import queries
+from semap.store.relation.query_check import PARAMETERS, Flat
 from semap_service.database.transaction import Database, Edit, Write, transaction
 from semap_service.documents.document import (
     LARGEST_ID,

@@ -9,10 +9,10 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 from sqlalchemy import Connection
 
-from semap.store import relations
-from semap.store.maps import get_map
-from semap.store.probability import probabilities
-from semap.store.tracks import get_track
+from semap.store.map.maps import get_map
+from semap.store.motion.tracks import get_track
+from semap.store.relation import relations
+from semap.store.relation.probability import probabilities
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import (
     LARGEST_ID,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter
 from pydantic import Field
 
-from semap.store import relations
-from semap.store.instances import get_instance
-from semap.store.maps import get_map
+from semap.store.map.instances import get_instance
+from semap.store.map.maps import get_map
+from semap.store.relation import relations
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
 from semap_service.documents.instance import InstanceDocument, InstanceSummary, detail

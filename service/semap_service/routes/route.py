@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 
 from semap.errors import InvalidInput
-from semap.store import ways
+from semap.store.map import route
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import LARGEST_ID, Document
 from semap_service.http.problem import problems
@@ -78,7 +78,7 @@ def find_route(
     A room is its own; any other instance is in the smallest room around it, and a door in one that it joins.
     """
     with transaction(database) as connection:
-        found = ways.way(connection, _place(start, "from"), _place(end, "to"))
+        found = route.way(connection, _place(start, "from"), _place(end, "to"))
     return WayDocument(
         length_m=found.length_m,
         steps=[StepDocument.model_validate(each) for each in found.steps],
@@ -87,8 +87,8 @@ def find_route(
     )
 
 
-def _place(given: str, where: str) -> ways.Place:
+def _place(given: str, where: str) -> route.Place:
     id_ = int(given.removeprefix(TRACK))
     if id_ > LARGEST_ID:
         raise InvalidInput("it is no id", "Give the id of an instance, or track:ID.", where)
-    return ways.Place("track" if given.startswith(TRACK) else "instance", id_)
+    return route.Place("track" if given.startswith(TRACK) else "instance", id_)

@@ -15,8 +15,8 @@ from semap.errors import TooLarge
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
-from semap.store.maps import get_map
-from semap.store.rules import get_rule
+from semap.store.event.rules import get_rule
+from semap.store.map.maps import get_map
 from semap.worker import past, why
 from semap_service.database.transaction import Database, on_whole_map, transaction
 from semap_service.documents.document import Document, InStamp, Name, Request, SmallId, Stamp

@@ -15,9 +15,9 @@ from semap.rules.language.reading import parse_declaration
 from semap.rules.language.source_text import LONGEST, SourceText, line_and_column, read_source
 from semap.rules.language.template import TEMPLATES, fill
 from semap.rules.language.written import write_rule
-from semap.store import rules
-from semap.store.maps import get_map
-from semap.store.rules import Rule, RuleVersion
+from semap.store.event import rules
+from semap.store.event.rules import Rule, RuleVersion
+from semap.store.map.maps import get_map
 from semap_service.database import rule_edit as rule_editing
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import LARGEST_SMALL_ID, Document, Request, SmallId

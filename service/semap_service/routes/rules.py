@@ -11,8 +11,8 @@ from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
 from semap.rules.language.reading import parse_declaration
-from semap.store import rules
-from semap.store.maps import get_map
+from semap.store.event import rules
+from semap.store.map.maps import get_map
 from semap_service.database import rule_edit as rule_editing
 from semap_service.database.rule_edit import ALL
 from semap_service.database.transaction import Database, Edit, Write, transaction

@@ -8,8 +8,8 @@ from fastapi import APIRouter, Response
 from pydantic import Field
 from starlette.requests import Request as HTTPRequest
 
-from semap.store import tokens
-from semap.store.tokens import LONGEST_NAME, MOST_MAPS
+from semap.store.operate import tokens
+from semap.store.operate.tokens import LONGEST_NAME, MOST_MAPS
 from semap_service.context.caller import Scope, current_caller
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import (

@@ -9,8 +9,8 @@ from fastapi import APIRouter, Query
 from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
-from semap.store import track_history, tracks
-from semap.store.maps import get_map
+from semap.store.map.maps import get_map
+from semap.store.motion import track_history, tracks
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
 from semap_service.database.transaction import Database, Edit, transaction
 from semap_service.documents.document import (

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from semap.store import whereabouts
+from semap.store.map import instance_location
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import Document, Id, InStamp, Limit, PoseDocument, Stamp
 from semap_service.http.problem import problems
@@ -82,7 +82,7 @@ def where_is_instance(
     What moves is found by the stamped poses of its frames; the outlines of rooms are as they are now.
     """
     with transaction(database) as connection:
-        found = whereabouts.whereabouts(connection, id, at)
+        found = instance_location.whereabouts(connection, id, at)
     return WhereDocument(
         instance=NamedInstance(id=found.instance_id, name=found.name),
         map=found.map,
@@ -114,9 +114,9 @@ def list_relations_of_instance(
     Of the thousand instances that are nearest to it. Each operator by itself, over all: /operators.
     """
     with transaction(database) as connection:
-        place = whereabouts.whereabouts(connection, id)
-        held = whereabouts.relations_of(connection, id, near_m=near_m, limit=limit + 1)
-        tracks = whereabouts.tracks_in(connection, id, limit + 1)
+        place = instance_location.whereabouts(connection, id)
+        held = instance_location.relations_of(connection, id, near_m=near_m, limit=limit + 1)
+        tracks = instance_location.tracks_in(connection, id, limit + 1)
     return HeldDocument(
         instance=NamedInstance(id=place.instance_id, name=place.name),
         relations=[

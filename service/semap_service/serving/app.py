@@ -18,7 +18,7 @@ from fastapi.responses import HTMLResponse
 from fastapi.staticfiles import StaticFiles
 
 from semap import __version__
-from semap.store.database import open_engine
+from semap.store.database.connection import open_engine
 from semap_service.access.authorisation import Authorisation
 from semap_service.access.cors import CrossOrigin
 from semap_service.access.limits import LIMITS, Limits

@@ -24,10 +24,11 @@ import psycopg
 from sqlalchemy import Connection, Engine
 
 from semap.errors import InvalidInput, SemapError
-from semap.store.database import connect, open_engine, translated
-from semap.store.events import StoredEvent, Stretch, newest_event, read_stretch
-from semap.store.patience import Reminder
-from semap.store.webhook_delivery import (
+from semap.store.database.backoff import Reminder
+from semap.store.database.connection import connect, open_engine, translated
+from semap.store.database.event_number import newest_event
+from semap.store.event.events import StoredEvent, Stretch, read_stretch
+from semap.store.event.webhook_delivery import (
     Failure,
     Letter,
     Line,

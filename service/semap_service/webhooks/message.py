@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from uuid import uuid4
 
-from semap.store.events import StoredEvent
+from semap.store.event.events import StoredEvent
 from semap_service.documents.cloud_event import cloud_event
 
 PING = "org.semap.ping"

@@ -8,7 +8,7 @@ import psycopg
 
 from semap.cluster import Cluster, default_home
 from semap.errors import SemapError
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap_service.operations.doctor.content_checks import CONTENT_CHECKS
 from semap_service.operations.doctor.finding import DatabaseCheck, Finding, Level, MachineCheck, Trouble
 from semap_service.operations.doctor.flow_checks import FLOW_CHECKS

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 
 import psycopg
 
-from semap.store.preflight import ROLES, examine, right_to_act
-from semap.store.schema import database_version, head_version, is_current
+from semap.store.operate.preflight import ROLES, examine, right_to_act
+from semap.store.operate.schema import database_version, head_version, is_current
 from semap_service.operations.doctor.finding import DatabaseCheck, Trouble, listed, warn, wrong
 
 CLOCKS_APART_S = 1.0

@@ -13,7 +13,7 @@ import psycopg
 from psycopg import IsolationLevel, sql
 
 from semap.errors import NotFound
-from semap.store.database import connect, translated
+from semap.store.database.connection import connect, translated
 from semap_service.operations.doctor.careful_check import Progress, check_careful
 
 EXAMPLES = 5

@@ -1,0 +1,1 @@
+"""Rules, the events that they make, and webhooks, to which events are sent."""

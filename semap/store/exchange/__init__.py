@@ -1,0 +1,1 @@
+"""Whole maps, out of the database and into it."""

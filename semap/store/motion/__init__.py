@@ -1,0 +1,1 @@
+"""What moves and changes: tracks and their states, states of objects, a map now and at a moment."""

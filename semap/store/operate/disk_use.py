@@ -1,0 +1,208 @@
+"""Where the bytes of a database go, and how fast it grows.
+
+Rows of tables are the server's own estimate, since to count them would be to read everything; packed states
+are counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+
+import psycopg
+
+from semap.store.database.connection import translated
+from semap.store.operate.retention import Kind, Retention, read_retention
+from semap.timeline.stamp import EPOCH
+
+GROUPS: Mapping[str, Sequence[str]] = {
+    "states of tracks": ("track_state",),
+    "states of the last seconds, in frames": ("track_state_frame",),
+    "states, packed": ("track_state_packed",),
+    "lines": ("line_observation",),
+    "tracks and sources": (
+        "track", "track_now", "track_amendment", "source", "source_count", "recording",
+    ),
+    "relations and regions": (
+        "relation", "relation_past", "verge", "pair", "pair_form", "pair_instance", "followed_state",
+        "continuous_query", "query_track", "region", "region_cell", "region_edge",
+    ),
+    "changes": ("relation_change", "object_state", "door_now"),
+    "events and evidence": (
+        "event", "event_number", "event_count", "event_evidence", "event_amendment", "recompute_run",
+    ),
+    "rules and their state": (
+        "rule", "rule_query", "rule_version", "rule_state", "pending_row", "late_row", "progress",
+    ),
+    "history of the map": ("change_set", "row_version"),
+    "map and meshes": (
+        "map", "map_anchor", "map_grid", "concept", "concept_parent", "concept_iri", "frame", "frame_pose",
+        "description", "geometry", "abstraction", "instance", "door_room", "door_leaf",
+    ),
+}  # fmt: skip
+OTHERS = "jobs, webhooks and others"
+REST = "the rest of the database"
+LOG = "log kept for slots"
+GROWTH_DAYS = 7
+
+TABLES = """
+    select coalesce(p.relname, c.relname)::text,
+           to_date(substring(c.relname from '_([0-9]{8})$'), 'YYYYMMDD'),
+           case when c.reltuples > 0 and c.relpages > 0
+                then c.reltuples / c.relpages * pg_relation_size(c.oid)
+                     / current_setting('block_size')::integer
+                else pg_stat_get_live_tuples(c.oid) end::bigint,
+           pg_table_size(c.oid), pg_indexes_size(c.oid)
+    from pg_class c
+    left join pg_inherits i on i.inhrelid = c.oid
+    left join pg_class p on p.oid = i.inhparent
+    where c.relnamespace = 'semap'::regnamespace and c.relkind = 'r'
+    order by 2 nulls last, 1
+"""
+PACKED = """
+    select (from_stamp at time zone 'UTC')::date, sum(states)::bigint
+    from semap.track_state_packed group by 1 order by 1
+"""
+WHOLE = """
+    select pg_database_size(current_database()), clock_timestamp(),
+           coalesce((select max(pg_wal_lsn_diff(pg_current_wal_lsn(), restart_lsn))
+                     from pg_replication_slots), 0)::bigint
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one kind of thing takes.
+
+    rows         about so many; None where to count them says nothing
+    table_bytes  with long values, which lie outside of rows
+    """
+
+    name: str
+    rows: int | None
+    table_bytes: int
+    index_bytes: int
+
+    @property
+    def bytes(self) -> int:
+        return self.table_bytes + self.index_bytes
+
+
+@dataclass(frozen=True)
+class DayOfStates:
+    """The states of a day in one form; day is None for those that lie in no partition of their day."""
+
+    day: date | None
+    is_packed: bool
+    states: int
+    table_bytes: int
+    index_bytes: int
+
+    @property
+    def bytes(self) -> int:
+        return self.table_bytes + self.index_bytes
+
+
+@dataclass(frozen=True)
+class DiskUse:
+    """growth_bytes and growth_states are of a day, means of the last GROWTH_DAYS whole days by event time."""
+
+    at: datetime
+    total_bytes: int
+    parts: tuple[Part, ...]
+    days: tuple[DayOfStates, ...]
+    growth_bytes: int
+    growth_states: int
+    retention: Mapping[Kind, Retention]
+
+    def due(self) -> tuple[str, ...]:
+        """What maintenance does next by the settings, in words."""
+        states = self.retention["states"]
+        kept = [each for each in self.days if each.day and each.states]
+        rows = [each.day for each in kept if each.day and not each.is_packed]
+        all_ = [each.day for each in kept if each.day]
+        said = []
+        if states.pack_after and rows:
+            said.append(f"states of {min(rows)} are packed {_when(min(rows), states.pack_after, self.at)}")
+        if states.drop_after and all_:
+            said.append(f"states of {min(all_)} are dropped {_when(min(all_), states.drop_after, self.at)}")
+        return tuple(said)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table, or a partition of one; `day` is that in its name."""
+
+    name: str
+    day: date | None
+    rows: int
+    table_bytes: int
+    index_bytes: int
+
+
+def read_disk_use(connection: psycopg.Connection) -> DiskUse:
+    """As it is now."""
+    with translated():
+        tables = [_Table(*row) for row in connection.execute(TABLES)]
+        packed: list[tuple[date, int]] = connection.execute(PACKED).fetchall()
+        total_bytes, at, log_bytes = connection.execute(WHOLE).fetchone() or (0, EPOCH, 0)
+        retention = read_retention(connection)
+    days = _days(tables, packed)
+    parts = _parts(tables, sum(count for _, count in packed))
+    parts.append(Part(REST, None, total_bytes - sum(part.bytes for part in parts), 0))
+    parts.append(Part(LOG, None, log_bytes, 0))
+    growth = _growth(tables, days, at.date())
+    return DiskUse(at, total_bytes + log_bytes, tuple(parts), days, *growth, retention)
+
+
+def _parts(tables: Sequence[_Table], packed: int) -> list[Part]:
+    """By group; packed states are told by states, not by the rows that hold them."""
+    parts = []
+    for group, names in {**GROUPS, OTHERS: None}.items():
+        known = {name for names in GROUPS.values() for name in names} if names is None else names
+        of_group = [each for each in tables if (each.name in known) is not (names is None)]
+        rows = packed if group == "states, packed" else sum(each.rows for each in of_group)
+        parts.append(
+            Part(
+                group,
+                None if names is None else rows,
+                sum(each.table_bytes for each in of_group),
+                sum(each.index_bytes for each in of_group),
+            )
+        )
+    return parts
+
+
+def _days(tables: Sequence[_Table], packed: Sequence[tuple[date, int]]) -> tuple[DayOfStates, ...]:
+    """By day; packed states have a share of their table."""
+    days = [
+        DayOfStates(each.day, False, each.rows, each.table_bytes, each.index_bytes)
+        for each in tables
+        if each.name == "track_state" and (each.day or each.rows)
+    ]
+    in_all = sum(count for _, count in packed)
+    for table in tables:
+        if table.name == "track_state_packed":
+            days += [
+                DayOfStates(
+                    day, True, count, table.table_bytes * count // in_all, table.index_bytes * count // in_all
+                )
+                for day, count in packed
+            ]
+    return tuple(sorted(days, key=lambda each: (each.day is None, each.day or date.min, each.is_packed)))
+
+
+def _growth(tables: Sequence[_Table], days: Sequence[DayOfStates], today: date) -> tuple[int, int]:
+    """Bytes and states that a day brings: states as they lie there now, and lines."""
+    last = {today - timedelta(days=back) for back in range(1, GROWTH_DAYS + 1)}
+    lines = [each for each in tables if each.name == "line_observation" and each.day in last]
+    states = [each for each in days if each.day in last]
+    in_bytes = sum(each.table_bytes + each.index_bytes for each in lines)
+    in_bytes += sum(each.bytes for each in states)
+    return in_bytes // GROWTH_DAYS, sum(each.states for each in states) // GROWTH_DAYS
+
+
+def _when(day: date, age: timedelta, now: datetime) -> str:
+    due = datetime(day.year, day.month, day.day, tzinfo=now.tzinfo) + timedelta(days=1) + age
+    return "at the next maintenance" if due <= now else f"from {due:%Y-%m-%d %H:%M} UTC on"

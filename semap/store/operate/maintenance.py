@@ -1,0 +1,270 @@
+"""What keeps a database that grows in shape: partitions ahead, and what is old packed or dropped.
+
+All of it is done in short steps, each a transaction of its own, so that it may end at any moment and the next
+time goes on. A step that needs a lock on a whole table waits for it only shortly, since everybody who comes
+after waits as well; it tries again, and at last leaves it for the next time. The steps are functions of the
+database (sql/144, sql/145), which do nothing that the settings do not say.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import date, datetime, timedelta
+from threading import Event as Signal
+from typing import Any
+
+import psycopg
+from psycopg import errors
+
+from semap.store.database.connection import connect, translated
+from semap.store.operate.retention import WORDS, Kind
+
+log = logging.getLogger(__name__)
+
+ROLE = "semap_worker"
+MAINTENANCE_LOCK = 7370
+LOCK_MS = 200
+PAUSE_S = 0.5
+ATTEMPTS = 20
+DAYS_AHEAD = 3
+ROWS_AT_ONCE = 2000
+TABLES: dict[str, Kind] = {"track_state": "states", "line_observation": "lines"}
+
+AHEAD = """
+    select array(
+      select day from (select (clock_timestamp() at time zone 'UTC')::date + n as day
+                       from generate_series(0, %s) n) ahead
+      where exists (
+        select from unnest(%s::text[]) t (name)
+        where to_regclass(format('semap.%%s_%%s', name, to_char(day, 'YYYYMMDD'))) is null)
+      order by day)
+"""
+MAKE = "select semap.ensure_partitions(%s::date[])"
+PAST = """
+    select d.day, d.day < (semap.kept_since(%(kind)s) at time zone 'UTC')::date,
+           not exists (select from pg_index x where x.indrelid = d.partition and x.indisprimary)
+    from semap.day_partitions() d
+    where d.of_table = %(table)s and d.day < (clock_timestamp() at time zone 'UTC')::date order by d.day
+"""
+EMPTY = {
+    table: f"select not exists (select from semap.{table} where stamp >= %(day)s::timestamptz"  # noqa: S608  (constants)
+    " and stamp < %(day)s::timestamptz + interval '24 h')"
+    for table in TABLES
+}
+NEXT_SLOT = """
+    select date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state
+    where stamp >= greatest(%s, semap.kept_since('states')) and stamp < semap.rows_since()
+    order by stamp limit 1
+"""
+DROP_DAY = "select semap.drop_day(%s, %s)"
+KEY_DAY = "select semap.key_day(%s)"
+PACK = "select semap.pack_states(%s)"
+DROP_ROWS = "select semap.drop_rows(%s, %s)"
+DROP_REQUESTS = """
+    with dropped as (
+      delete from semap.query_request where answered_at < clock_timestamp() - interval '1 day' returning 1)
+    select count(*) from dropped
+"""
+OLD_ROWS = """
+    select kind, count(*)
+    from (
+      select 'states' as kind from semap.track_state_packed where from_stamp < semap.kept_since('states')
+      union all
+      select 'states' from semap.track_state_default where stamp < semap.kept_since('states')
+      union all
+      select 'lines' from semap.line_observation_default where stamp < semap.kept_since('lines')
+      union all
+      select 'changes' from semap.relation_change where stamp < semap.kept_since('changes')
+      union all
+      select 'events' from semap.event where stamp < semap.kept_since('events')) old
+    group by kind
+"""
+TO_PACK = """
+    select (stamp at time zone 'UTC')::date, count(*) from semap.track_state
+    where stamp >= coalesce(semap.kept_since('states'), '-infinity') and stamp < semap.rows_since()
+    group by 1 order by 1
+"""
+HALF_HOUR = timedelta(minutes=30)
+FIRST = datetime.fromisoformat("1800-01-01T00:00:00Z")
+
+Advance = Callable[[str], None]
+
+
+@dataclass
+class Maintained:
+    """What was done, or would be in a dry run.
+
+    made_days    days ahead for which there were no partitions
+    keyed_days   past days that got their key
+    packed       how many states, by day
+    dropped_days whole days of a table: not kept any longer, or empty
+    dropped_rows by kind; a row of packed states counts as one
+    put_off      what was in use for so long that it is left for the next time
+    is_busy      somebody else is at it, and nothing was done
+    """
+
+    made_days: list[date] = field(default_factory=list)
+    keyed_days: list[date] = field(default_factory=list)
+    packed: dict[date, int] = field(default_factory=dict)
+    dropped_days: dict[str, list[date]] = field(default_factory=dict)
+    dropped_rows: dict[str, int] = field(default_factory=dict)
+    put_off: list[str] = field(default_factory=list)
+    is_busy: bool = False
+
+
+def maintain(
+    dsn: str, advance: Advance = lambda _: None, stop: Signal | None = None, *, dry_run: bool = False
+) -> Maintained:
+    """Do all that is due now; one process at a time does.
+
+    advance  is told what is being done
+    stop     ends it after the step that is under way
+    """
+    with connect(dsn, ROLE, application="semap maintain") as connection, translated():
+        if dry_run:
+            return _look(connection)
+        with _alone(connection) as is_alone:
+            if not is_alone:
+                return Maintained(is_busy=True)
+            return _Maintenance(connection, advance, stop or Signal()).run()
+
+
+@contextmanager
+def _alone(connection: psycopg.Connection) -> Iterator[bool]:
+    taken = _one(connection, "select pg_try_advisory_lock(%s, 0)", [MAINTENANCE_LOCK])
+    try:
+        yield bool(taken)
+    finally:
+        if taken and not connection.closed:
+            connection.execute("select pg_advisory_unlock(%s, 0)", [MAINTENANCE_LOCK])
+
+
+class _Maintenance:
+    """Mutable: what has been done so far."""
+
+    def __init__(self, connection: psycopg.Connection, advance: Advance, stop: Signal) -> None:
+        self._connection = connection
+        self._advance = advance
+        self._stop = stop
+        self._done = Maintained()
+
+    def run(self) -> Maintained:
+        steps = (
+            self._make_ahead,
+            self._key,
+            self._drop_days,
+            self._pack,
+            self._drop_empty,
+            self._drop_rows,
+            self._drop_requests,
+        )
+        for step in steps:
+            if not self._stop.is_set():
+                step()
+        return self._done
+
+    def _make_ahead(self) -> None:
+        days = _missing_days(self._connection)
+        if days and self._patiently("new partitions", MAKE, [days]) is not None:
+            self._done.made_days = days
+
+    def _key(self) -> None:
+        for day, is_old, lacks_key in _past_days(self._connection, "track_state"):
+            if lacks_key and not is_old and self._patiently(f"the key of {day}", KEY_DAY, [day]):
+                self._done.keyed_days.append(day)
+
+    def _drop_days(self) -> None:
+        for table in TABLES:
+            for day, is_old, _ in _past_days(self._connection, table):
+                if is_old:
+                    self._drop_day(table, day)
+
+    def _drop_empty(self) -> None:
+        for table in TABLES:
+            for day, is_old, _ in _past_days(self._connection, table):
+                if not is_old and _one(self._connection, EMPTY[table], {"day": f"{day}T00:00Z"}):
+                    self._drop_day(table, day)
+
+    def _drop_day(self, table: str, day: date) -> None:
+        if self._stop.is_set():
+            return
+        if self._patiently(f"{WORDS[TABLES[table]]} of {day}", DROP_DAY, [table, day]):
+            self._done.dropped_days.setdefault(table, []).append(day)
+
+    def _pack(self) -> None:
+        after = FIRST
+        while not self._stop.is_set() and (slot := _one(self._connection, NEXT_SLOT, [after])) is not None:
+            day = slot.date()
+            if day not in self._done.packed:
+                self._advance(f"packing the states of {day}")
+            packed = self._patiently(f"states of {slot:%Y-%m-%d %H:%M}", PACK, [slot])
+            self._done.packed[day] = self._done.packed.get(day, 0) + (packed or 0)
+            after = slot + HALF_HOUR
+
+    def _drop_rows(self) -> None:
+        for kind, words in WORDS.items():
+            dropped = 0
+            while not self._stop.is_set():
+                rows = self._patiently(words, DROP_ROWS, [kind, ROWS_AT_ONCE])
+                if not rows:
+                    break
+                dropped += rows
+                self._advance(f"dropping {words}: {dropped}")
+            if dropped:
+                self._done.dropped_rows[kind] = dropped
+
+    def _drop_requests(self) -> None:
+        """What was asked for in SQL and has been answered for a day, which no setting says anything of."""
+        self._patiently("requests for queries", DROP_REQUESTS, [])
+
+    def _patiently(self, what: str, statement: str, parameters: list[object]) -> Any:
+        """What a step says; None where others used what it needs each time that it was tried."""
+        for _ in range(ATTEMPTS):
+            try:
+                with self._connection.transaction():
+                    self._connection.execute(f"set local lock_timeout = {LOCK_MS}")
+                    row = self._connection.execute(statement, parameters).fetchone()
+                return row and row[0]
+            except (errors.LockNotAvailable, errors.DeadlockDetected):
+                if self._stop.wait(PAUSE_S):
+                    break
+        log.info("In use, and left for the next time: %s.", what)
+        self._done.put_off.append(what)
+        return None
+
+
+def _look(connection: psycopg.Connection) -> Maintained:
+    """What would be done now."""
+    found = Maintained(made_days=_missing_days(connection))
+    for table in TABLES:
+        past = _past_days(connection, table)
+        if table == "track_state":
+            found.keyed_days = [day for day, is_old, lacks_key in past if lacks_key and not is_old]
+        if old := [day for day, is_old, _ in past if is_old]:
+            found.dropped_days[table] = old
+    found.packed = dict(connection.execute(TO_PACK).fetchall())
+    found.dropped_rows = dict(connection.execute(OLD_ROWS).fetchall())
+    return found
+
+
+def _missing_days(connection: psycopg.Connection) -> list[date]:
+    days = _one(connection, AHEAD, [DAYS_AHEAD, list(TABLES)])
+    return list(days or ())
+
+
+def _past_days(connection: psycopg.Connection, table: str) -> list[tuple[date, bool, bool]]:
+    """Days of the past that have a partition; whether they are not kept any longer, and lack their key."""
+    return [
+        (day, bool(is_old), table == "track_state" and lacks_key)
+        for day, is_old, lacks_key in connection.execute(PAST, {"kind": TABLES[table], "table": table})
+    ]
+
+
+def _one(
+    connection: psycopg.Connection, statement: str, parameters: Sequence[object] | Mapping[str, object]
+) -> Any:
+    row = connection.execute(statement, parameters).fetchone()
+    return None if row is None else row[0]

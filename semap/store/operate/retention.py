@@ -1,0 +1,118 @@
+"""How long what is kept, and what has been dropped. Nothing is packed or dropped unless somebody says so.
+
+Age is by event time against the clock of the database, and what goes, goes by whole days (UTC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Literal
+
+import psycopg
+
+from semap.errors import InvalidInput
+from semap.store.database.connection import translated
+
+Kind = Literal["states", "lines", "changes", "events"]
+Age = Literal["pack_after", "drop_after"]
+WORDS: Mapping[Kind, str] = {
+    "states": "states of tracks",
+    "lines": "lines",
+    "changes": "changes of relations",
+    "events": "events",
+}
+LONGEST = timedelta(days=36_525)
+
+READ = "select kind, pack_after, drop_after, gone_before from semap.retention"
+LOCK = "select kind, pack_after, drop_after, gone_before from semap.retention for update"
+CHANGE = "update semap.retention set pack_after = %s, drop_after = %s where kind = %s"
+GONE = "select gone_before from semap.retention where kind = %s and gone_before > %s"
+GONE_STATES = """
+    select r.gone_before from semap.retention r
+    where r.kind = 'states' and r.gone_before > %s
+      and exists (select from semap.track_now where map_id = %s and first_stamp < r.gone_before)
+"""
+
+
+@dataclass(frozen=True)
+class Retention:
+    """How long a kind is kept. None: for ever; what is before `gone_before` was dropped."""
+
+    kind: Kind
+    pack_after: timedelta | None = None
+    drop_after: timedelta | None = None
+    gone_before: datetime | None = None
+
+
+def read_retention(connection: psycopg.Connection) -> Mapping[Kind, Retention]:
+    """All kinds, in the order of WORDS."""
+    with translated():
+        return _read(connection, READ)
+
+
+def change_retention(
+    connection: psycopg.Connection, ages: Mapping[tuple[Kind, Age], timedelta | None]
+) -> Mapping[Kind, Retention]:
+    """Change these ages and leave all others; None is never.
+
+    raises  InvalidInput for an age that is not above zero, and where states would go before they are packed
+    """
+    with translated(), connection.transaction():
+        kept = _read(connection, LOCK)
+        for kind in kept:
+            new = Retention(
+                kind,
+                ages.get((kind, "pack_after"), kept[kind].pack_after),
+                ages.get((kind, "drop_after"), kept[kind].drop_after),
+            )
+            _check(new)
+            connection.execute(CHANGE, [new.pack_after, new.drop_after, kind])
+        return _read(connection, READ)
+
+
+def require_kept(connection: psycopg.Connection, kind: Kind, since: datetime) -> None:
+    """raises InvalidInput where some of a kind may have been dropped that was later than this"""
+    with translated():
+        found = connection.execute(GONE, [kind, since]).fetchone()
+    if found is not None:
+        raise _gone(kind, found[0])
+
+
+def require_states(
+    connection: psycopg.Connection, map_id: int, since: datetime, margin: timedelta = timedelta(0)
+) -> None:
+    """Like `require_kept`, for the states of a map, of which so much more is needed before."""
+    with translated():
+        found = connection.execute(GONE_STATES, [since - margin, map_id]).fetchone()
+    if found is not None:
+        raise _gone("states", found[0], margin)
+
+
+def _gone(kind: Kind, before: datetime, margin: timedelta = timedelta(0)) -> InvalidInput:
+    first = (before + margin).isoformat().replace("+00:00", "Z")
+    return InvalidInput(
+        f"the {WORDS[kind]} before {before:%Y-%m-%d} were dropped", f"Begin at {first} or later."
+    )
+
+
+def _check(kept: Retention) -> None:
+    for age, said in ((kept.pack_after, "pack"), (kept.drop_after, "drop")):
+        if age is not None and not timedelta(0) < age <= LONGEST:
+            raise InvalidInput(
+                f"to {said} {WORDS[kept.kind]} after {age}", "Give an age such as 7d, or never.", kept.kind
+            )
+    if kept.pack_after is not None and kept.kind != "states":
+        raise InvalidInput(f"{WORDS[kept.kind]} cannot be packed", "Give an age to drop them.", kept.kind)
+    if kept.pack_after is not None and kept.drop_after is not None and kept.drop_after <= kept.pack_after:
+        raise InvalidInput(
+            "states would be dropped before they are packed",
+            "Pack them earlier, drop them later, or set one of the two to never.",
+            kept.kind,
+        )
+
+
+def _read(connection: psycopg.Connection, statement: str) -> Mapping[Kind, Retention]:
+    rows = {row[0]: Retention(*row) for row in connection.execute(statement)}
+    return {kind: rows[kind] for kind in WORDS}

@@ -1,0 +1,1 @@
+"""Continuous queries, their conditions, and the relations that they keep."""
