@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 
 from bench.copies import copied, without_slots
 from bench.crowd import RATE_HZ, Floor, build_map, framed, source_of, walk
@@ -124,7 +124,7 @@ def _in_a_frame(connection: psycopg.Connection, size: int, extent: Extent) -> Ca
     per_round = max(round(extent.batches * BATCH / size), min(round(RATE_HZ), extent.batches))
     places = walk(ROOMS, size, (extent.rounds + 1) * per_round, pause_s=0)
     frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
-    return Case({"size": size}, connection, iter(frames), per_round, insert_frame, size)
+    return Case({"size": size}, connection, iter(frames), per_round, send_batch, size)
 
 
 def of_stored(connection: psycopg.Connection, size: int, extent: Extent) -> Case:

@@ -28,7 +28,7 @@ import numpy as np
 import psycopg
 import websockets
 from numpy.typing import NDArray
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 from semap_service.port import free_port
 from semap_service.supervisor import Supervisor
 
@@ -175,7 +175,7 @@ def _write(dsn: str, source: Source, started_s: float, sent: Sent) -> None:
             begun_s = time.monotonic()
             sent.begun_s[stamp_us] = begun_s
             sent.late_ms[stamp_us] = 1e3 * (begun_s - due_s)
-            insert_frame(cursor, row)
+            send_batch(cursor, row)
             if source.after_us == 0 and number % 2 == 0:
                 done_s = time.monotonic()
                 cursor.execute("insert into commit_alone values (%s)", [number], prepare=True)

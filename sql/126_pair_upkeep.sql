@@ -113,7 +113,7 @@ begin
   if p_query_ids is null then
     return;
   end if;
-  perform semap.unfold_sources(array_agg(source_id order by source_id))
+  perform semap.flush_positions(array_agg(source_id order by source_id))
   from semap.source where map_id in (select map_id from semap.pair_side where query_id = any (p_query_ids));
   perform semap.begin_following(array_agg(distinct map_id)) from semap.continuous_query where query_id = any (p_query_ids);
   v_nearest := semap.let_members_go(p_query_ids, p_keys);

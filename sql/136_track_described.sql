@@ -33,7 +33,7 @@ begin
   if cardinality(v_lost || v_gained) = 0 then
     return;
   end if;
-  perform semap.settle_places(v_source_ids);
+  perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
                    order by c.track_id, c.region_id) into v_crossings

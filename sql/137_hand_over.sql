@@ -2,8 +2,8 @@
 -- known to be the same. From then on the other source alone writes its states. Its relations hold meanwhile, since
 -- nothing is known to have ended.
 
--- A track that goes on at another source. Both sources write their places at once, make rows of their frames, and know anew what a
--- whole frame of theirs is. Which queries are about it now is said after this (semap.track_described).
+-- A track that goes on at another source. Its states up to then get chunks of their own, since nobody looks for them among those
+-- of another source than its own. Which queries are about it now is said after this (semap.track_described).
 create or replace function semap.track_handed_over() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -13,15 +13,13 @@ begin
       using errcode = 'integrity_constraint_violation', hint = 'Hand it to a source of the same map.';
   end if;
   if new.source_id <> old.source_id then
-    perform semap.unfold_sources(array[old.source_id, new.source_id]);
-    update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
-    where source_id in (old.source_id, new.source_id);
+    perform semap.compact_all(array[old.source_id]);
     update semap.track_now set source_id = new.source_id where track_id = new.track_id;
   end if;
   return null;
 end $$;
 comment on function semap.track_handed_over is
-  'A track goes on at another source: both know anew what their tracks are.';
+  'A track that goes on at another source.';
 
 create or replace trigger track_handed_over after update on semap.track
   for each row when ((new.source_id, new.map_id) is distinct from (old.source_id, old.map_id))

@@ -334,8 +334,8 @@ track = Table(
 track_state = Table(
     "track_state",
     METADATA,
-    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
-    Column("stamp", STAMP, primary_key=True),
+    Column("track_id", BigInteger, nullable=False),
+    Column("stamp", STAMP, nullable=False),
     *_doubles("x_m", "y_m"),
     *_doubles("z_m", nullable=True),
     Column("std_m", REAL),
@@ -344,38 +344,21 @@ track_state = Table(
     *_reals("std_across_m", "std_yaw_rad", nullable=True),
 )
 
-track_state_frame = Table(
-    "track_state_frame",
+state_chunk = Table(
+    "state_chunk",
     METADATA,
-    Column("stamp", STAMP, primary_key=True),
-    Column("source_id", Integer, primary_key=True, autoincrement=False),
-    Column("track_ids", ARRAY(BigInteger), nullable=False),
-    *(Column(name, ARRAY(Double), nullable=False) for name in ("x_m", "y_m")),
-    Column("z_m", ARRAY(Double)),
-    Column("std_m", ARRAY(REAL)),
-    *(Column(name, ARRAY(REAL)) for name in ("heading_rad", "speed_mps", "length_m", "width_m")),
-    *(Column(name, ARRAY(REAL)) for name in ("std_across_m", "std_yaw_rad")),
-)
-
-track_state_packed = Table(
-    "track_state_packed",
-    METADATA,
-    Column("track_id", BigInteger, primary_key=True, autoincrement=False),
-    Column("from_stamp", STAMP, primary_key=True),
+    Column("source_id", Integer, nullable=False),
+    Column("track_id", BigInteger),
+    Column("from_stamp", STAMP, nullable=False),
     Column("to_stamp", STAMP, nullable=False),
     Column("states", Integer, nullable=False),
-    Column("span_us", Integer, nullable=False),
-    *(Column(name, ARRAY(SmallInteger), nullable=False) for name in ("off_high", "off_low")),
+    Column("track_ids", ARRAY(BigInteger)),
+    Column("offsets_us", ARRAY(Integer)),
     *(
-        Column(f"{axis}_{part}", ARRAY(type_), nullable=False)
-        for axis in ("x", "y")
-        for part, type_ in (("high", SmallInteger), ("middle", SmallInteger), ("low", Integer))
+        Column(each.name, ARRAY(each.type), nullable=each.name not in ("x_m", "y_m"))
+        for each in track_state.c
+        if each.name not in ("track_id", "stamp")
     ),
-    Column("z_m", ARRAY(Double)),
-    Column("std_m", ARRAY(REAL)),
-    Column("is_last", ARRAY(Boolean)),
-    *(Column(name, ARRAY(REAL)) for name in ("heading_rad", "speed_mps", "length_m", "width_m")),
-    *(Column(name, ARRAY(REAL)) for name in ("std_across_m", "std_yaw_rad")),
 )
 
 track_now = Table(
@@ -403,7 +386,6 @@ track_now = Table(
     *_doubles("calm_z_min_m", "calm_z_max_m", nullable=True),
     *_reals("heading_rad", "speed_mps", "length_m", "width_m", nullable=True),
     *_reals("std_across_m", "std_yaw_rad", nullable=True),
-    Column("slot", Integer),
 )
 
 track_place = Table(
@@ -412,7 +394,7 @@ track_place = Table(
     *(
         Column(each.name, each.type)
         for each in track_now.c
-        if each.name not in ("cell_m", "slot") and not each.name.startswith(("calm_", "outlier_"))
+        if each.name != "cell_m" and not each.name.startswith(("calm_", "outlier_"))
     ),
 )
 

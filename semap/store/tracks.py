@@ -12,6 +12,7 @@ import shapely
 from sqlalchemy import Connection, func, literal_column, select, update
 
 from semap.errors import NotFound
+from semap.model.track_state import STATE_COLUMNS, TrackState
 from semap.store.concept import check_attributes, concept_id
 from semap.store.database import translated
 from semap.store.tables import concept, map_, source, track, track_place
@@ -20,36 +21,11 @@ NEVER = literal_column("'-infinity'::timestamptz", track_place.c.stamp.type)
 
 
 @dataclass(frozen=True)
-class TrackState:
-    """Where a track was last seen, in the map frame.
-
-    std_m              standard deviation: of all directions, or along the longer axis of the error ellipse
-    std_across_m       along the shorter axis; None where it is alike in all directions
-    std_yaw_rad        where the longer axis points, from x towards y
-    heading_rad        from x towards y, where the body faces
-    length_m, width_m  of the body, along the heading and across
-    footprint          the ground that it covers; None where its extent is not known
-    """
-
-    stamp: datetime
-    x_m: float
-    y_m: float
-    z_m: float | None
-    std_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    std_across_m: float | None
-    std_yaw_rad: float | None
-    footprint: shapely.Polygon | None
-
-
-@dataclass(frozen=True)
 class Track:
     """A track; `state` is None until its first state, `live` False before that and after its end.
 
     concept     what kind of thing it is, if that was said; attributes what else is known
+    footprint   the ground that it covers; None where its extent is not known
     """
 
     track_id: int
@@ -62,6 +38,7 @@ class Track:
     concept: str | None
     attributes: Mapping[str, Any]
     state: TrackState | None
+    footprint: shapely.Polygon | None
 
 
 def list_tracks(
@@ -139,11 +116,8 @@ def described(
 
 def _track(row: Sequence[Any]) -> Track:
     known, stamp, values, shape = row[:9], row[9], row[10:-1], row[-1]
-    if stamp is None:
-        return Track(*[*known, None])
-    footprint = None if shape is None else shapely.from_wkb(shape)
-    state = TrackState(*[stamp, *values, footprint])
-    return Track(*[*known, state])
+    state = None if stamp is None else TrackState(stamp, *values)
+    return Track(*[*known, state, None if shape is None else shapely.from_wkb(shape)])
 
 
 _FOOTPRINT = func.semap.track_footprint(
@@ -165,16 +139,7 @@ _TRACKS = (
         concept.c.name,
         track.c.attributes,
         func.nullif(track_place.c.stamp, NEVER),
-        track_place.c.x_m,
-        track_place.c.y_m,
-        track_place.c.z_m,
-        track_place.c.std_m,
-        track_place.c.heading_rad,
-        track_place.c.speed_mps,
-        track_place.c.length_m,
-        track_place.c.width_m,
-        track_place.c.std_across_m,
-        track_place.c.std_yaw_rad,
+        *(track_place.c[name] for name in STATE_COLUMNS if name not in ("stamp", "is_last")),
         func.st_asbinary(_FOOTPRINT),
     )
     .select_from(track)

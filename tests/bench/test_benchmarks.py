@@ -105,7 +105,7 @@ def test_stored_states_lie_in_past_days_and_today(database: str) -> None:
     with connect(database) as connection:
         growth.of_stored(connection, 20_000, growth.SMALLEST)
         days = connection.execute(
-            "select stamp::date::text, count(*) from semap.track_state group by 1 order by 1"
+            "select stamp::date::text, count(*) from semap.stored_state group by 1 order by 1"
         ).fetchall()
     assert days == [*((f"2026-01-{day:02}", 2_000) for day in range(5, 10)), ("2026-01-10", 10_000)]
 

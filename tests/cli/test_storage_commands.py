@@ -133,7 +133,7 @@ def test_maintenance_says_what_it_does(semap: Semap, plain: psycopg.Connection) 
     semap("db", "retention", "--pack-states-after", "2d")
     status, planned, _ = semap("db", "maintain", "--dry-run")
     assert (status, planned.splitlines()[1]) == (0, f"20000 states of {noon(9).date()} would be packed.")
-    assert plain.execute("select count(*) from semap.track_state").fetchone() == (20_000,)
+    assert plain.execute("select count(*) from semap.stored_state").fetchone() == (20_000,)
     status, done, told = semap("db", "maintain")
     assert done.splitlines() == [
         "4 days ahead were made.", f"20000 states of {noon(9).date()} were packed.",

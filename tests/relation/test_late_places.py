@@ -88,7 +88,7 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(
                     (track_id, to_datetime(stamp_us), x_m, y_m) for track_id, stamp_us, x_m, y_m, *_ in states
                 }
                 if in_frames and not any(is_last for *_, is_last in states):
-                    world.add_frame(states)
+                    world.add_batch(states)
                 else:
                     world.add_states(states)
         if world.one("select count(*) from semap.track_state_frame where stamp = %s", to_datetime(now_us)):

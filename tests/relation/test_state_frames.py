@@ -10,7 +10,7 @@ import psycopg
 import pytest
 import shapely
 from patience import until
-from semap_ingest.state_frame import insert_frame, pack_frame
+from semap_ingest.state_frame import pack_frame, send_batch
 from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
@@ -35,7 +35,7 @@ def tracks(world: World) -> list[int]:
     world.add_room("room", shapely.box(0, 0, 4, 4))
     ids = [world.add_track(name) for name in ("a", "b", "c")]
     for frame in (1, 2):
-        world.add_frame(
+        world.add_batch(
             [(track, frame * FRAME_US, 1.0 + number, 2.0, None) for number, track in enumerate(ids)]
         )
     assert frames(world) == 1
@@ -325,7 +325,7 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
             for frame in range(1, 150):
                 x_m, y_m = dice.uniform(0, 16, 5), dice.uniform(0, 4.5, 5)
                 track_ids = np.array(ids[number])
-                insert_frame(
+                send_batch(
                     cursor,
                     pack_frame(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing),
                 )

@@ -122,7 +122,7 @@ BROKEN = {
         "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from semap.relation)",
         {"presents", "plain relations", "careful relations"}),
     "an old place": (
-        "update semap.track_now t set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m from semap.track_state s"
+        "update semap.track_now t set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m from semap.stored_state s"
         " where s.track_id = t.track_id and s.stamp = '1970-01-01 00:00:21Z'"
         " and t.track_id = (select min(track_id) from semap.relation)", {"presents"}),
     "a track that should live": (

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import APIRouter, Query
 from pydantic import Field, model_validator
+from shapely import Polygon
 from sqlalchemy import Connection
 
+from semap.model.track_state import TrackState
 from semap.store import track_history, tracks
 from semap.store.maps import get_map
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
@@ -205,11 +208,10 @@ def _document(track: tracks.Track) -> TrackDocument:
         ended_at=track.ended_at,
         concept=track.concept,
         attributes=dict(track.attributes),
-        state=None if track.state is None else _state_document(track.state),
+        state=None if track.state is None else _state_document(track.state, track.footprint),
     )
 
 
-def _state_document(state: tracks.TrackState) -> TrackStateDocument:
-    values = {name: getattr(state, name) for name in TrackStateDocument.model_fields}
-    footprint = None if state.footprint is None else area_document(state.footprint)
-    return TrackStateDocument.model_validate({**values, "footprint": footprint})
+def _state_document(state: TrackState, ground: Polygon | None) -> TrackStateDocument:
+    footprint = None if ground is None else area_document(ground)
+    return TrackStateDocument.model_validate({**asdict(state), "footprint": footprint})
