@@ -15,8 +15,8 @@ from semap_ingest.laser.pairing import pair_legs
 from semap_ingest.lines.segments import find_lines
 from semap_ingest.sensing.clusters import LegClusters
 from semap_ingest.sensing.scan import Scan
-from semap_service.app import create_app
 from semap_service.operations.redaction import redacted
+from semap_service.serving.app import create_app
 
 from bench.figure import Rows, figure
 from semap.cql2.value import like

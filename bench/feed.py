@@ -26,8 +26,8 @@ import httpx
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_service.port import free_port
-from semap_service.supervisor import Supervisor
+from semap_service.processes.port import free_port
+from semap_service.processes.supervisor import Supervisor
 
 from bench.figure import once
 from semap.store.database import connect

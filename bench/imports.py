@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from semap_service.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, read_file
 
 from bench.figure import Rows, once
 from semap.errors import InvalidInput

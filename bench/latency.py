@@ -29,8 +29,8 @@ import psycopg
 import websockets
 from numpy.typing import NDArray
 from semap_ingest.track_batch import send_batch
-from semap_service.port import free_port
-from semap_service.supervisor import Supervisor
+from semap_service.processes.port import free_port
+from semap_service.processes.supervisor import Supervisor
 
 from bench.crowd import RATE_HZ, Floor, build_map, frame_stamps, framed, source_of, walk
 from bench.figure import Rows, percentiles

@@ -18,9 +18,9 @@ from typing import Any
 
 import httpx
 from semap_service.access.limits import LIMITS
-from semap_service.app import create_app
-from semap_service.port import free_port
-from semap_service.serving import serve as run
+from semap_service.processes.port import free_port
+from semap_service.serving.app import create_app
+from semap_service.serving.uvicorn_server import serve as run
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bench.figure import once

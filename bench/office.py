@@ -11,7 +11,7 @@ from pathlib import Path
 
 from semap_service.evaluation.office import Stage, evaluate
 from semap_service.evaluation.report import write
-from semap_service.supervisor import Supervisor
+from semap_service.processes.supervisor import Supervisor
 
 from bench.figure import once
 

@@ -19,8 +19,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
-from semap_service.port import free_port
-from semap_service.supervisor import Supervisor
+from semap_service.processes.port import free_port
+from semap_service.processes.supervisor import Supervisor
 
 from bench.crowd import Floor, build_map, walk
 from bench.figure import once

@@ -11,8 +11,6 @@ begin
       or pg_has_role(p_role, 'semap_ingest', p_part) or pg_has_role(p_role, 'semap_worker', p_part)
       or pg_has_role(p_role, 'semap_admin', p_part);
 end $$;
-comment on function semap.sees_every_map is
-  'Whether somebody has such a part (''usage'', ''member'', ''set'') in one of the roles that see every map.';
 
 -- The maps that the caller of this transaction is restricted to; null where there is no restriction. Whoever may see
 -- every map and sets the role of somebody who may not is restricted to none until semap.maps tells which.
@@ -21,7 +19,8 @@ language plpgsql stable parallel safe security definer set search_path = pg_cata
 declare
   v_told   integer[] := nullif(current_setting('semap.maps', true), '')::integer[];
   -- before PostgreSQL 16 each member of a role may set it
-  v_might  text := case when current_setting('server_version_num')::integer < 160000 then 'member' else 'usage, set' end;
+  v_might  text := case when current_setting('server_version_num')::integer < 160000 then 'member'
+                        else 'usage, set' end;
 begin
   if not semap.sees_every_map(session_user, v_might) then
     return array(
@@ -34,5 +33,3 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.visible_maps is
-  'The maps that the caller of this transaction is restricted to; null where there is no restriction.';

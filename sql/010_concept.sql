@@ -8,8 +8,6 @@ language sql stable parallel safe as $$
   )
   select concept_id from below
 $$;
-comment on function semap.concepts_below is
-  'The concept itself and every concept below it in the taxonomy.';
 
 -- The concept itself and every concept above it in the taxonomy.
 create or replace function semap.concepts_above(p_concept_id integer) returns setof integer
@@ -21,8 +19,6 @@ language sql stable parallel safe as $$
   )
   select concept_id from above
 $$;
-comment on function semap.concepts_above is
-  'The concept itself and every concept above it in the taxonomy.';
 
 -- The id of the concept of a name or an IRI; null where there is none.
 create or replace function semap.concept_named(p_name text) returns integer
@@ -30,8 +26,6 @@ language sql stable parallel safe as $$
   select coalesce((select concept_id from semap.concept where name = p_name),
                   (select min(concept_id) from semap.concept_iri where iri = p_name))
 $$;
-comment on function semap.concept_named is
-  'The id of the concept of a name or an IRI; null where there is none.';
 
 -- Whether a concept is another one or lies below it, both by name or IRI; null where one is unknown.
 create or replace function semap.is_a(p_concept text, p_ancestor text) returns boolean
@@ -40,8 +34,6 @@ language sql stable parallel safe as $$
               then semap.concept_named(p_ancestor) in (select semap.concepts_above(semap.concept_named(p_concept)))
          end
 $$;
-comment on function semap.is_a is
-  'Whether a concept is another one or lies below it, both by name or IRI; null where one is unknown.';
 
 -- Refuse a parent that lies below its child: the taxonomy has no circles. Edits of it are one at a time.
 create or replace function semap.concept_parent_checked() returns trigger
@@ -61,8 +53,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.concept_parent_checked is
-  'Refuse a parent that lies below its child: the taxonomy has no circles.';
 
 create or replace trigger concept_parent_checked_insert after insert on semap.concept_parent
   referencing new table as new_row for each statement execute function semap.concept_parent_checked();

@@ -7,8 +7,8 @@
 --   4. doors (7367, map), where lines or an edit move them
 --   5. amendments of tracks (7368, 0)
 --   6. rows: first those of the trigger's own tables by track, then source, source_count and recording
---   7. states that are compacted (7374, source): by the worker, which holds nothing else, or by whoever keeps the writers of
---      the source out already
+--   7. states that are compacted (7374, source): by the worker, which holds nothing else, or by whoever keeps the
+--      writers of the source out already
 --
 -- Whoever takes a later one first and regions after it has to take regions at the beginning of the transaction.
 -- Once held, regions are never waited for again, whoever is queued. The others stand by themselves and are never taken
@@ -16,7 +16,8 @@
 --
 --   7365, 0          partitions, made in a transaction of its own before states are written
 --   7366             migrations and the rule worker's slot
---   7368, hash       a recording that is being brought in, by its map and source, as long as its connection lasts; only tried, never waited for
+--   7368, hash       a recording that is being brought in, by its map and source, as long as its connection lasts; only
+--                    tried, never waited for
 --   7369, job        a job, as long as it runs
 --   7370, 0          maintenance, only tried
 --   7371, 0          who delivers webhooks, only tried
@@ -36,8 +37,6 @@ begin
             hint = 'Set the isolation level of this transaction to READ COMMITTED.';
   end if;
 end $$;
-comment on function semap.require_read_committed is
-  'Refuse a transaction whose statements do not see what was committed before their locks.';
 
 -- Keep every region as it is until the transaction ends; many may hold this at once.
 create or replace function semap.hold_regions() returns void
@@ -46,8 +45,6 @@ begin
   perform semap.require_read_committed();
   perform pg_advisory_xact_lock_shared(7363, 0);
 end $$;
-comment on function semap.hold_regions is
-  'Keep every region as it is until the transaction ends; many may hold this at once.';
 
 -- Keep every writer of track states out until the transaction ends, to change regions.
 create or replace function semap.change_regions() returns void
@@ -56,14 +53,10 @@ begin
   perform semap.require_read_committed();
   perform pg_advisory_xact_lock(7363, 0);
 end $$;
-comment on function semap.change_regions is
-  'Keep every writer of track states out until the transaction ends, to change regions.';
 
 -- Let one writer at a time touch the tracks of a source, until the transaction ends.
 create or replace function semap.hold_source(p_source_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
-comment on function semap.hold_source is
-  'Let one writer at a time touch the tracks of a source, until the transaction ends.';
 
 -- Taken before the rows of a statement that may change regions or end tracks, so that what is read for
 -- it is read after every writer of states has ended, and no row is locked before.
@@ -73,14 +66,13 @@ begin
   perform semap.change_regions();
   return null;
 end $$;
-comment on function semap.lock_regions is
-  'Taken before the rows of a statement that may change regions or end tracks.';
 
 do $$
 declare
   v_table  text;
 begin
-  foreach v_table in array array['map', 'map_anchor', 'concept', 'concept_parent', 'concept_iri', 'frame', 'frame_pose', 'description',
+  foreach v_table in array array['map', 'map_anchor', 'concept', 'concept_parent', 'concept_iri', 'frame',
+                                 'frame_pose', 'description',
                                  'geometry', 'abstraction', 'instance', 'door_room', 'continuous_query'] loop
     execute format('create or replace trigger lock_regions before insert or update or delete on semap.%I'
                    ' for each statement execute function semap.lock_regions()', v_table);
@@ -94,7 +86,8 @@ create or replace trigger lock_regions before delete on semap.source
 create or replace trigger lock_regions before delete on semap.track
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions_to_end before update of ended_at on semap.track
-  for each statement when (pg_trigger_depth() = 0 and current_setting('semap.source_is_held', true) is distinct from 'on')
+  for each statement when (pg_trigger_depth() = 0
+                           and current_setting('semap.source_is_held', true) is distinct from 'on')
   execute function semap.lock_regions();
 
 -- Taken before the rows of a new source or track: their keys hold rows of map and source, for which an edit may wait,
@@ -106,13 +99,13 @@ begin
   perform semap.hold_regions();
   return null;
 end $$;
-comment on function semap.keep_regions is
-  'Taken before the rows of a new source or track, and before states of objects.';
 
 create or replace trigger keep_regions before insert on semap.source
   for each statement execute function semap.keep_regions();
 create or replace trigger keep_regions before insert on semap.track
   for each statement execute function semap.keep_regions();
-create or replace trigger lock_regions_to_describe before update of source_id, map_id, name, concept_id, attributes, uid on semap.track
-  for each statement when (pg_trigger_depth() = 0 and current_setting('semap.source_is_held', true) is distinct from 'on')
+create or replace trigger lock_regions_to_describe
+  before update of source_id, map_id, name, concept_id, attributes, uid on semap.track
+  for each statement when (pg_trigger_depth() = 0
+                           and current_setting('semap.source_is_held', true) is distinct from 'on')
   execute function semap.lock_regions();

@@ -7,8 +7,6 @@ create or replace function semap.snapped(p_part double precision) returns double
 language sql immutable parallel safe as $$
   select case when abs(p_part) < 1e-30 then 0 else p_part end
 $$;
-comment on function semap.snapped is
-  'A number of a pose, with zero for what is too small to move anything.';
 
 -- A point of the child frame in the parent frame: v + 2 w (q x v) + 2 q x (q x v), moved.
 create or replace function semap.carry(
@@ -22,8 +20,6 @@ create or replace function semap.carry(
                (p_pose).qz * p_x_m - (p_pose).qx * p_z_m as cy,
                (p_pose).qx * p_y_m - (p_pose).qy * p_x_m as cz) c
 $$;
-comment on function semap.carry is
-  'A point of the child frame in the parent frame.';
 
 -- a_T_c from a_T_b and b_T_c.
 create or replace function semap.compose(p_a_t_b semap.pose, p_b_t_c semap.pose) returns semap.pose
@@ -55,18 +51,15 @@ begin
              semap.snapped(qx / length), semap.snapped(qy / length),
              semap.snapped(qz / length), semap.snapped(qw / length))::semap.pose;
 end $$;
-comment on function semap.compose is
-  'a_T_c from a_T_b and b_T_c.';
 
 -- child_T_parent from parent_T_child.
 create or replace function semap.inverse(p_pose semap.pose) returns semap.pose
 language sql immutable parallel safe as $$
-  select row(-semap.snapped(turned.x_m), -semap.snapped(turned.y_m), -semap.snapped(turned.z_m), -(p_pose).qx, -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose
+  select row(-semap.snapped(turned.x_m), -semap.snapped(turned.y_m), -semap.snapped(turned.z_m), -(p_pose).qx,
+             -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose
   from semap.carry(row(0, 0, 0, -(p_pose).qx, -(p_pose).qy, -(p_pose).qz, (p_pose).qw)::semap.pose,
                    (p_pose).x_m, (p_pose).y_m, (p_pose).z_m) turned
 $$;
-comment on function semap.inverse is
-  'child_T_parent from parent_T_child.';
 
 -- The pose between two: translation by proportion, rotation by slerp on the shorter way (Shoemake 1985).
 create or replace function semap.interpolate(p_from semap.pose, p_to semap.pose, p_part double precision)
@@ -86,8 +79,6 @@ language sql immutable parallel safe as $$
                        a * (p_from).qz + b * (p_to).qz as qz, a * (p_from).qw + b * (p_to).qw as qw) q,
        lateral (select sqrt(qx * qx + qy * qy + qz * qz + qw * qw) as length) l
 $$;
-comment on function semap.interpolate is
-  'The pose between two: translation by proportion, rotation by slerp.';
 
 -- Whether the child's z axis points up, so that an outline stays an outline.
 create or replace function semap.is_upright(p_pose semap.pose) returns boolean
@@ -96,8 +87,6 @@ language sql immutable parallel safe as $$
      and abs(2 * ((p_pose).qy * (p_pose).qz + (p_pose).qw * (p_pose).qx)) < 1e-9
      and (p_pose).qx * (p_pose).qx + (p_pose).qy * (p_pose).qy < 0.5
 $$;
-comment on function semap.is_upright is
-  'Whether the child''s z axis points up, so that an outline stays an outline.';
 
 -- The pose of a yaw [rad] about z, counter-clockwise, at a point.
 create or replace function semap.pose_from_yaw(
@@ -106,8 +95,6 @@ create or replace function semap.pose_from_yaw(
 language sql immutable parallel safe as $$
   select row(p_x_m, p_y_m, p_z_m, 0, 0, sin(p_yaw_rad / 2), cos(p_yaw_rad / 2))::semap.pose
 $$;
-comment on function semap.pose_from_yaw is
-  'The pose of a yaw [rad] about z, counter-clockwise, at a point.';
 
 -- The heading of a child frame: the yaw [rad] of its x axis in the parent's xy plane.
 create or replace function semap.yaw(p_pose semap.pose) returns double precision
@@ -115,8 +102,6 @@ language sql immutable parallel safe as $$
   select atan2(2 * ((p_pose).qw * (p_pose).qz + (p_pose).qx * (p_pose).qy),
                1 - 2 * ((p_pose).qy * (p_pose).qy + (p_pose).qz * (p_pose).qz))
 $$;
-comment on function semap.yaw is
-  'The yaw [rad] of a child frame''s x axis in the parent''s xy plane.';
 
 -- A geometry of the child frame in the parent frame; a flat one stays flat, its projection.
 create or replace function semap.placed(p_geometry public.geometry, p_pose semap.pose) returns public.geometry
@@ -141,5 +126,3 @@ begin
     2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz),
     p_pose.x_m, p_pose.y_m);
 end $$;
-comment on function semap.placed is
-  'A geometry of the child frame in the parent frame; a flat one stays flat, its projection.';

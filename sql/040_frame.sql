@@ -19,8 +19,6 @@ language sql stable parallel safe as $$
   left join lateral (select * from semap.frame_pose where frame_id = p_frame_id and stamp > p_at
                      order by stamp limit 1) b on true
 $$;
-comment on function semap.pose_at is
-  'parent_T_frame at a time (infinity: now); null before the first pose.';
 
 -- root_T_frame of each frame at a time, with the root of its tree; null where a frame on the way was nowhere.
 create or replace function semap.frames_in_root(p_frame_ids bigint[], p_at timestamptz default 'infinity')
@@ -35,8 +33,6 @@ language sql stable parallel safe as $$
   )
   select c.start_id, c.frame_id, c.pose from chain c where c.parent_id is null
 $$;
-comment on function semap.frames_in_root is
-  'root_T_frame of each frame at a time, with the root of its tree.';
 
 -- Where the origin of a frame is in the root of its tree, now.
 create or replace function semap.origin_in_root(p_frame_id bigint) returns public.geometry
@@ -44,10 +40,8 @@ language sql stable parallel safe as $$
   select public.st_makepoint((r.pose).x_m, (r.pose).y_m, (r.pose).z_m)
   from semap.frames_in_root(array[p_frame_id]) r
 $$;
-comment on function semap.origin_in_root is
-  'Where the origin of a frame is in the root of its tree, now.';
 
--- The frame itself and every frame below it.
+-- The frames themselves and every frame below them.
 create or replace function semap.frames_below(p_frame_ids bigint[]) returns setof bigint
 language sql stable parallel safe as $$
   with recursive below (frame_id) as (
@@ -57,8 +51,6 @@ language sql stable parallel safe as $$
   )
   select frame_id from below
 $$;
-comment on function semap.frames_below is
-  'The frames themselves and every frame below them.';
 
 -- a_T_b between any two frames of one tree at a time ('infinity': now): maps points of b to a.
 create or replace function semap.transform(p_a_id bigint, p_b_id bigint, p_at timestamptz default 'infinity')
@@ -84,8 +76,6 @@ begin
   end if;
   return semap.compose(semap.inverse(v_a.pose), v_b.pose);
 end $$;
-comment on function semap.transform is
-  'a_T_b between any two frames of one tree at a time (infinity: now): maps points of b to a.';
 
 -- Refuse the root of a map's things, which all of them stand on.
 create or replace function semap.require_movable(p_frame_id bigint) returns void
@@ -96,8 +86,6 @@ begin
       using errcode = 'unique_violation', hint = 'Work with a frame below it.';
   end if;
 end $$;
-comment on function semap.require_movable is
-  'Refuse the root of a map''s things, which all of them stand on.';
 
 -- Set parent_T_frame from a time on ('-infinity': as its static pose).
 create or replace function semap.set_transform(
@@ -115,11 +103,9 @@ language sql as $$
   set x_m = excluded.x_m, y_m = excluded.y_m, z_m = excluded.z_m,
       qx = excluded.qx, qy = excluded.qy, qz = excluded.qz, qw = excluded.qw
 $$;
-comment on function semap.set_transform is
-  'Set parent_T_frame from a time on (-infinity: as its static pose).';
 
--- Put a frame below another one: it stays where it is in the world, now and where it was at each of its stamps, or keeps its
--- local transform and moves with its new parent.
+-- Put a frame below another one: it stays where it is in the world, now and where it was at each of its stamps, or
+-- keeps its local transform and moves with its new parent.
 create or replace function semap.change_frame(p_frame_id bigint, p_parent_id bigint, p_keep_world boolean default true)
 returns void
 language plpgsql as $$
@@ -141,15 +127,14 @@ begin
                case when p_parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose
                     else semap.inverse((select pose from semap.frames_in_root(array[p_parent_id], old.at))) end,
                (select pose from semap.frames_in_root(array[p_frame_id], old.at))) as pose
-      from (select stamp, case when stamp = '-infinity' or stamp = max(stamp) over () then 'infinity' else stamp end as at
+      from (select stamp,
+                   case when stamp = '-infinity' or stamp = max(stamp) over () then 'infinity' else stamp end as at
             from semap.frame_pose where frame_id = p_frame_id) old
     ) new
     where p.frame_id = p_frame_id and p.stamp = new.stamp and new.pose is not null;
   end if;
   update semap.frame set parent_id = p_parent_id where frame_id = p_frame_id;
 end $$;
-comment on function semap.change_frame is
-  'Put a frame below another one, keeping its place in the world or its local transform.';
 
 -- Refuse a frame below itself, or below a frame of another map.
 create or replace function semap.frame_checked() returns trigger
@@ -173,8 +158,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.frame_checked is
-  'Refuse a frame below itself, or below a frame of another map.';
 
 create or replace trigger frame_checked_insert after insert on semap.frame
   referencing new table as new_row for each statement execute function semap.frame_checked();

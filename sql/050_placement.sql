@@ -10,14 +10,14 @@ create or replace function semap.box_3d(
 ) returns public.geometry
 language sql immutable parallel safe as $$
   select public.st_affine(
-    'TIN Z (((0 0 0,0 1 0,1 1 0,0 0 0)),((0 0 0,1 1 0,1 0 0,0 0 0)),((0 0 1,1 0 1,1 1 1,0 0 1)),((0 0 1,1 1 1,0 1 1,0 0 1)),
+    'TIN Z (((0 0 0,0 1 0,1 1 0,0 0 0)),((0 0 0,1 1 0,1 0 0,0 0 0)),((0 0 1,1 0 1,1 1 1,0 0 1)),
+      ((0 0 1,1 1 1,0 1 1,0 0 1)),
       ((0 0 0,1 0 0,1 0 1,0 0 0)),((0 0 0,1 0 1,0 0 1,0 0 0)),((1 0 0,1 1 0,1 1 1,1 0 0)),((1 0 0,1 1 1,1 0 1,1 0 0)),
-      ((1 1 0,0 1 0,0 1 1,1 1 0)),((1 1 0,0 1 1,1 1 1,1 1 0)),((0 1 0,0 0 0,0 0 1,0 1 0)),((0 1 0,0 0 1,0 1 1,0 1 0)))'::public.geometry,
+      ((1 1 0,0 1 0,0 1 1,1 1 0)),((1 1 0,0 1 1,1 1 1,1 1 0)),((0 1 0,0 0 0,0 0 1,0 1 0)),
+      ((0 1 0,0 0 1,0 1 1,0 1 0)))'::public.geometry,
     p_x_max_m - p_x_min_m, 0, 0, 0, p_y_max_m - p_y_min_m, 0, 0, 0, p_z_max_m - p_z_min_m,
     p_x_min_m, p_y_min_m, p_z_min_m)
 $$;
-comment on function semap.box_3d is
-  'A box along the axes as a closed TIN, its triangles wound outwards.';
 
 -- The area of a geometry as this schema keeps it: valid, only polygons, null without an area.
 create or replace function semap.area_only(p_geometry public.geometry) returns public.geometry
@@ -26,8 +26,6 @@ language sql immutable parallel safe as $$
            case when public.st_numgeometries(polygons) = 1 then public.st_geometryn(polygons, 1) else polygons end end
   from (select public.st_collectionextract(public.st_makevalid(p_geometry), 3) as polygons) p
 $$;
-comment on function semap.area_only is
-  'The area of a geometry: valid, only polygons, null without an area.';
 
 -- The rectangle of the smallest area around a convex polygon: one of its sides lies along a side of the polygon
 -- (Freeman and Shapira 1975). ST_OrientedEnvelope gives that of the smallest width before GEOS 3.12.
@@ -35,13 +33,12 @@ create or replace function semap.smallest_rectangle(p_hull public.geometry) retu
 language sql immutable parallel safe as $$
   select public.st_rotate(box, -angle_rad)
   from public.st_dumpsegments(public.st_exteriorring(p_hull)) side,
-       lateral (select public.st_azimuth(public.st_startpoint(side.geom), public.st_endpoint(side.geom)) as angle_rad) a,
+       lateral (select public.st_azimuth(public.st_startpoint(side.geom), public.st_endpoint(side.geom))
+                as angle_rad) a,
        lateral (select public.st_envelope(public.st_rotate(p_hull, angle_rad)) as box) b
   order by public.st_area(box), angle_rad
   limit 1
 $$;
-comment on function semap.smallest_rectangle is
-  'The rectangle of the smallest area around a convex polygon.';
 
 -- The outline of a description seen from above under a pose that tilts it, cut from its geometries: an outline
 -- that is upright under this pose counts alone; else the projections of its faces are united, or of its outlines
@@ -51,9 +48,11 @@ returns table (footprint public.geometry, z_min_m double precision, z_max_m doub
 language plpgsql stable set search_path = public, pg_temp as $$
 begin
   return query
-    select semap.area_only(semap.placed(g.body, composed.pose)), g.z_min_m + (composed.pose).z_m, g.z_max_m + (composed.pose).z_m
+    select semap.area_only(semap.placed(g.body, composed.pose)), g.z_min_m + (composed.pose).z_m,
+           g.z_max_m + (composed.pose).z_m
     from semap.geometry g,
-         lateral (select semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose) as pose) composed
+         lateral (select semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose)
+                  as pose) composed
     where g.description_id = p_description_id and g.type = 'POLYGON2D' and semap.is_upright(composed.pose)
     limit 1;
   if found then
@@ -66,7 +65,8 @@ begin
                     st_force3d(g.body),
                     semap.compose(p_pose, row(g.x_m, g.y_m, g.z_m, g.qx, g.qy, g.qz, g.qw)::semap.pose)) as body) moved,
          lateral st_dump(moved.body) part,
-         lateral (select st_force2d(case when geometrytype(part.geom) = 'TRIANGLE' then st_makepolygon(st_exteriorring(part.geom))
+         lateral (select st_force2d(case when geometrytype(part.geom) = 'TRIANGLE'
+                                         then st_makepolygon(st_exteriorring(part.geom))
                                          else part.geom end) as shape) face
     where g.description_id = p_description_id
       and (g.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D', 'POLYGON3D')
@@ -75,8 +75,6 @@ begin
                 and m.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D', 'POLYGON3D')))
       and st_area(face.shape) > 1e-12;
 end $$;
-comment on function semap.tilted_outline is
-  'The outline of a description seen from above under a pose that tilts it, cut from its geometries.';
 
 -- The absolute abstractions of these instances as they should be.
 create or replace function semap.abstractions_wanted(p_instance_ids bigint[])
@@ -94,7 +92,8 @@ language sql stable set search_path = public, pg_temp as $$
     join semap.frame root on root.frame_id = p.root_id and root.name = 'map'
     where i.instance_id = any (p_instance_ids) and i.relative_description_id is not null and p.pose is not null
   ), moved as materialized (
-    select p.instance_id, p.absolute_id, p.relative_id, p.pose, p.upright, a.type, semap.placed(a.geometry, p.pose) as shape,
+    select p.instance_id, p.absolute_id, p.relative_id, p.pose, p.upright, a.type,
+           semap.placed(a.geometry, p.pose) as shape,
            case when p.upright then a.z_min_m + (p.pose).z_m end as z_min_m,
            case when p.upright then a.z_max_m + (p.pose).z_m end as z_max_m
     from placed p join semap.abstraction a on a.description_id = p.relative_id
@@ -108,7 +107,8 @@ language sql stable set search_path = public, pg_temp as $$
     select p.instance_id, p.absolute_id, o.footprint,
            coalesce(semap.area_only(st_convexhull(st_points(h.shape))),
                     semap.area_only(st_convexhull(o.footprint))) as hull,
-           coalesce(o.z_min_m, nullif(e.z_min, e.z_max)) as z_min_m, coalesce(o.z_max_m, nullif(e.z_max, e.z_min)) as z_max_m
+           coalesce(o.z_min_m, nullif(e.z_min, e.z_max)) as z_min_m,
+           coalesce(o.z_max_m, nullif(e.z_max, e.z_min)) as z_max_m
     from placed p
     left join moved h on h.instance_id = p.instance_id and h.type = 'BoundingHull'
     left join extent e on e.instance_id = p.instance_id
@@ -121,7 +121,8 @@ language sql stable set search_path = public, pg_temp as $$
     union all
     select instance_id, absolute_id, 'Footprint', coalesce(footprint, hull), z_min_m, z_max_m from tilted
     union all
-    select instance_id, absolute_id, 'FootprintBox', semap.area_only(semap.smallest_rectangle(hull)), z_min_m, z_max_m from tilted
+    select instance_id, absolute_id, 'FootprintBox', semap.area_only(semap.smallest_rectangle(hull)), z_min_m, z_max_m
+    from tilted
     union all
     select instance_id, absolute_id, 'Position2D', st_centroid(hull), z_min_m, z_max_m from tilted
   )
@@ -135,8 +136,6 @@ language sql stable set search_path = public, pg_temp as $$
          nullif(z_min, z_max), nullif(z_max, z_min)
   from extent
 $$;
-comment on function semap.abstractions_wanted is
-  'The absolute abstractions of these instances as they should be.';
 
 -- Bring the absolute abstractions of these instances in line with their descriptions and frames.
 create or replace function semap.place_instances(p_instance_ids bigint[]) returns void
@@ -160,8 +159,6 @@ begin
   where (a.instance_id, st_asewkb(a.geometry), a.z_min_m, a.z_max_m)
         is distinct from (excluded.instance_id, st_asewkb(excluded.geometry), excluded.z_min_m, excluded.z_max_m);
 end $$;
-comment on function semap.place_instances is
-  'Bring the absolute abstractions of these instances in line with their descriptions and frames.';
 
 -- Every instance gets a description of its own for its absolute abstractions.
 create or replace function semap.instance_grounded() returns trigger
@@ -175,13 +172,11 @@ begin
   end if;
   return new;
 end $$;
-comment on function semap.instance_grounded is
-  'Every instance gets a description of its own for its absolute abstractions.';
 
 create or replace trigger instance_grounded before insert on semap.instance
   for each row execute function semap.instance_grounded();
 
--- Instances were added, or got another frame or description.
+-- Instances were added, or got another frame or description: their abstractions follow.
 create or replace function semap.instance_placed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -198,8 +193,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.instance_placed is
-  'Instances were added, or got another frame or description: their abstractions follow.';
 
 create or replace trigger instance_placed_inserted after insert on semap.instance
   referencing new table as new_row for each statement execute function semap.instance_placed();
@@ -230,8 +223,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.frame_moved is
-  'A frame moved: what stands on it moves with it.';
 
 create or replace trigger frame_moved_updated after update on semap.frame
   referencing old table as old_row new table as new_row for each statement execute function semap.frame_moved();
@@ -259,13 +250,12 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.description_reshaped is
-  'A description looks different now: so do its instances.';
 
 create or replace trigger description_reshaped_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.description_reshaped();
 create or replace trigger description_reshaped_updated after update on semap.abstraction
-  referencing old table as old_row new table as new_row for each statement execute function semap.description_reshaped();
+  referencing old table as old_row new table as new_row
+  for each statement execute function semap.description_reshaped();
 create or replace trigger description_reshaped_deleted after delete on semap.abstraction
   referencing old table as old_row for each statement execute function semap.description_reshaped();
 
@@ -285,8 +275,6 @@ begin
     and not exists (select from semap.instance i where i.frame_id = f.frame_id);
   return null;
 end $$;
-comment on function semap.instance_deleted_with_its_own is
-  'With an instance go its own descriptions, and its frame where nothing else stands on it.';
 
 create or replace trigger instance_deleted_with_its_own after delete on semap.instance
   referencing old table as old_row for each statement execute function semap.instance_deleted_with_its_own();

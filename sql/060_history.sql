@@ -12,14 +12,13 @@ begin
   if v_id is null or not exists (select from semap.change_set where change_set_id = v_id and made_at >= now()) then
     insert into semap.change_set (made_at, author, message, undoes_id)
     values (clock_timestamp(), coalesce(nullif(current_setting('semap.author', true), ''), session_user),
-            nullif(current_setting('semap.message', true), ''), nullif(current_setting('semap.undoes', true), '')::bigint)
+            nullif(current_setting('semap.message', true), ''),
+            nullif(current_setting('semap.undoes', true), '')::bigint)
     returning change_set_id into v_id;
     perform set_config('semap.change_set', v_id::text, true);
   end if;
   return v_id;
 end $$;
-comment on function semap.current_change_set is
-  'The change set of this transaction, begun with its first change.';
 
 -- For each table whose rows are kept: its key, the map that a row belongs to, which rows, and its column of shapes.
 create or replace view semap.kept_table as
@@ -38,8 +37,6 @@ create or replace view semap.kept_table as
     (12, 'abstraction', 'abstraction_id', 'semap.map_of_row(''instance'', r.instance_id)',
      'r.type = ''Footprint'' and r.instance_id is not null', 'geometry')
   ) as t (place, table_name, key, map, which, shape);
-comment on view semap.kept_table is
-  'For each table whose rows are kept: its key, the map that a row belongs to, which rows, and its column of shapes.';
 
 -- The map of a frame, description or instance, which its versions remember when it is gone.
 create or replace function semap.map_of_row(p_table text, p_id bigint) returns integer
@@ -54,8 +51,6 @@ language sql stable as $$
      where table_name = p_table and row_key = p_id::text and map_id is not null
      order by version_id desc limit 1))
 $$;
-comment on function semap.map_of_row is
-  'The map of a frame, description or instance, which its versions remember when it is gone.';
 
 -- One function and three triggers for each kept table, made from `kept_table` and the table's columns.
 do $$
@@ -72,7 +67,8 @@ begin
     v_key := 'concat_ws(''/'', r.' || replace(v_table.key, ', ', ', r.') || ')';
     execute format($f$
       create or replace function semap.keep_%1$s() returns trigger
-      language plpgsql security definer set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $b$
+      language plpgsql security definer
+      set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $b$
       declare
         v_set  bigint;
       begin
@@ -134,8 +130,6 @@ language sql stable parallel safe as $$
   ) v
   where v.content is not null
 $$;
-comment on function semap.rows_as_of is
-  'The rows of a table as they were at a time, those of one map or (null) of none in particular.';
 
 -- What concepts were called at a time. All maps share them, and so may all who ask: this acts for its owner, since the
 -- versions of what belongs to no map are hidden from callers of some maps.
@@ -143,20 +137,20 @@ create or replace function semap.concepts_as_of(p_at timestamptz) returns table 
 language sql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
   select (r.content ->> 'concept_id')::integer, r.content ->> 'name' from semap.rows_as_of('concept', null, p_at) r
 $$;
-comment on function semap.concepts_as_of is
-  'What concepts were called at a time.';
 
 -- The instances of a map as they were at a time, or one of them, with where they stood and their footprints. A frame
 -- stood where the newest pose that was known then says.
 create or replace function semap.instances_as_of(
-  p_map_id integer, p_at timestamptz, p_instance_id bigint default null, p_after bigint default 0, p_limit bigint default null
+  p_map_id integer, p_at timestamptz, p_instance_id bigint default null, p_after bigint default 0,
+  p_limit bigint default null
 ) returns table (
   instance_id bigint, uid uuid, name text, alias text, concept text, storey text, attributes jsonb, pose semap.pose,
   footprint public.geometry, z_min_m double precision, z_max_m double precision
 )
 language sql stable as $$
   with recursive all_rows as materialized (
-    select i.* from semap.rows_as_of('instance', p_map_id, p_at) r, jsonb_populate_record(null::semap.instance, r.content) i
+    select i.* from semap.rows_as_of('instance', p_map_id, p_at) r,
+           jsonb_populate_record(null::semap.instance, r.content) i
   ), wanted as materialized (
     select * from all_rows i
     where i.instance_id > p_after and (p_instance_id is null or i.instance_id = p_instance_id)
@@ -177,7 +171,8 @@ language sql stable as $$
     select c.* from semap.concepts_as_of(p_at) c
   ), outline as materialized (
     select (r.content ->> 'instance_id')::bigint as instance_id, r.shape,
-           (r.content ->> 'z_min_m')::double precision as z_min_m, (r.content ->> 'z_max_m')::double precision as z_max_m
+           (r.content ->> 'z_min_m')::double precision as z_min_m,
+           (r.content ->> 'z_max_m')::double precision as z_max_m
     from semap.rows_as_of('abstraction', p_map_id, p_at) r
   )
   select i.instance_id, i.uid, i.name, i.alias, c.name, s.name, i.attributes, p.pose, o.shape, o.z_min_m, o.z_max_m
@@ -187,8 +182,6 @@ language sql stable as $$
   left join concept c on c.concept_id = i.concept_id
   left join outline o on o.instance_id = i.instance_id
 $$;
-comment on function semap.instances_as_of is
-  'The instances of a map as they were at a time, or one of them, with where they stood and their footprints.';
 
 -- Put every row of a change set back to its version before, as a change set of its own, and say which descriptions
 -- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since,
@@ -212,7 +205,8 @@ begin
     raise exception 'There is no change set %.', p_change_set_id
       using errcode = 'no_data_found', hint = 'List the change sets of the map.';
   end if;
-  select distinct l.table_name || ' ' || coalesce(l.content ->> 'name', l.row_key) || ' by change set ' || l.change_set_id
+  select distinct l.table_name || ' ' || coalesce(l.content ->> 'name', l.row_key)
+                  || ' by change set ' || l.change_set_id
   into v_later
   from semap.row_version v
   join semap.row_version l
@@ -225,7 +219,8 @@ begin
       using errcode = 'unique_violation', hint = 'Undo the later change first.';
   end if;
 
-  if not exists (select from semap.row_version where change_set_id = p_change_set_id and table_name <> 'abstraction') then
+  if not exists (select from semap.row_version
+                 where change_set_id = p_change_set_id and table_name <> 'abstraction') then
     raise exception 'Change set % is not of rows that are there to be put back.', p_change_set_id
       using errcode = 'invalid_parameter_value', hint = 'Choose another change set.';
   end if;
@@ -267,7 +262,8 @@ begin
   end loop;
   for v_table in select * from semap.kept_table where table_name <> 'abstraction' order by place desc loop
     v_match := 'concat_ws(''/'', r.' || replace(v_table.key, ', ', ', r.') || ')';
-    execute format('delete from semap.%I r using pg_temp.undone u where u.table_name = %L and u.content is null and u.row_key = %s'
+    execute format('delete from semap.%I r using pg_temp.undone u'
+                   ' where u.table_name = %L and u.content is null and u.row_key = %s'
                    ' and %s', v_table.table_name, v_table.table_name, v_match, v_table.which);
   end loop;
   select distinct v.table_name || ' ' || coalesce(b.content ->> 'name', v.row_key) into v_later
@@ -290,5 +286,3 @@ begin
     where u.table_name in ('geometry', 'description') and v.content is not null
       and exists (select from semap.description d where d.description_id = (v.content ->> 'description_id')::bigint));
 end $$;
-comment on function semap.undo_change_set is
-  'Put every row of a change set back to its version before; returns the descriptions whose geometries are others now.';

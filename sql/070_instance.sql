@@ -7,11 +7,10 @@ language sql stable as $$
       or exists (select from semap.instance
                  where relative_description_id = p_description_id and instance_id <> p_instance_id)
 $$;
-comment on function semap.description_is_shared is
-  'Whether other instances look like this one too, or may.';
 
 -- Delete an instance with its frame. What stands on it goes with it, or stays where it is, on what carried it.
-create or replace function semap.delete_instance(p_instance_id bigint, p_with_carried boolean default false) returns void
+create or replace function semap.delete_instance(p_instance_id bigint, p_with_carried boolean default false)
+returns void
 language plpgsql as $$
 declare
   v_frame_id  bigint;
@@ -49,8 +48,6 @@ begin
   end loop;
   delete from semap.instance where instance_id = p_instance_id;
 end $$;
-comment on function semap.delete_instance is
-  'Delete an instance with its frame; what stands on it goes with it, or stays where it is, on what carried it.';
 
 -- A copy of an instance under another name, on the same frame at the same place; both look alike until one is reshaped.
 create or replace function semap.copy_instance(p_instance_id bigint, p_name text) returns bigint
@@ -70,7 +67,8 @@ begin
   end if;
   insert into semap.frame_pose (frame_id, stamp, x_m, y_m, z_m, qx, qy, qz, qw)
   select v_frame_id, '-infinity', (p).x_m, (p).y_m, (p).z_m, (p).qx, (p).qy, (p).qz, (p).qw
-  from (select case when f.parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose else semap.pose_at(i.frame_id) end as p
+  from (select case when f.parent_id is null then row(0, 0, 0, 0, 0, 0, 1)::semap.pose
+                    else semap.pose_at(i.frame_id) end as p
         from semap.instance i join semap.frame f using (frame_id) where i.instance_id = p_instance_id) now;
   insert into semap.instance (map_id, name, alias, concept_id, frame_id, relative_description_id, storey_id, attributes)
   select map_id, p_name, alias, concept_id, v_frame_id, relative_description_id, storey_id, attributes
@@ -82,11 +80,10 @@ begin
   select door_id, v_instance_id from semap.door_room where room_id = p_instance_id;
   return v_instance_id;
 end $$;
-comment on function semap.copy_instance is
-  'A copy of an instance under another name, on the same frame at the same place.';
 
 -- Delete a blueprint. Its instances look like another one from then on, or (null) like nothing.
-create or replace function semap.delete_description(p_description_id bigint, p_replacement_id bigint default null) returns void
+create or replace function semap.delete_description(p_description_id bigint, p_replacement_id bigint default null)
+returns void
 language plpgsql as $$
 begin
   perform semap.change_regions();
@@ -100,5 +97,3 @@ begin
       using errcode = 'no_data_found', hint = 'List the descriptions of the map to see their ids.';
   end if;
 end $$;
-comment on function semap.delete_description is
-  'Delete a blueprint; its instances look like another one from then on, or (null) like nothing.';

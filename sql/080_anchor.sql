@@ -4,14 +4,14 @@ returns public.geometry
 language sql stable parallel safe as $$
   select case when p_epsg is null or p_epsg = epsg then placed else public.st_transform(placed, p_epsg) end
   from (
-    select epsg, public.st_setsrid(semap.placed(case when public.st_zmflag(p_geometry) = 2 or semap.is_upright(pose)
-                                                     then p_geometry else public.st_force3d(p_geometry) end, pose), epsg) as placed
+    select epsg,
+           public.st_setsrid(semap.placed(case when public.st_zmflag(p_geometry) = 2 or semap.is_upright(pose)
+                                               then p_geometry else public.st_force3d(p_geometry) end, pose),
+                             epsg) as placed
     from (select epsg, row(x_m, y_m, z_m, qx, qy, qz, qw)::semap.pose as pose
           from semap.map_anchor where map_id = p_map_id) anchor
   ) on_earth
 $$;
-comment on function semap.to_earth is
-  'A geometry of the map in a system of the earth: the map''s own anchor system, or another one by its EPSG code.';
 
 -- A geometry of the earth (with its SRID) in the frame of a map.
 create or replace function semap.from_earth(p_geometry public.geometry, p_map_id integer) returns public.geometry
@@ -21,5 +21,3 @@ language sql stable parallel safe as $$
                         semap.inverse(row(x_m, y_m, z_m, qx, qy, qz, qw)::semap.pose)), 0)
   from semap.map_anchor where map_id = p_map_id
 $$;
-comment on function semap.from_earth is
-  'A geometry of the earth (with its SRID) in the frame of a map.';

@@ -5,12 +5,11 @@ create or replace function semap.change_uid(
 language sql stable parallel safe
 return md5(p_query || '|' || p_track || '|' || p_instance || '|' || p_kind || '|' || p_cause || '|'
            || (extract(epoch from p_edge_at) * 1000000)::bigint)::uuid;
-comment on function semap.change_uid is
-  'The identity of a change: a function of what happened, so that a replay gives the same one.';
 
--- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow on
--- one another (1 is from the first to the second), and the nearest door of the instance, not further away than a thick
--- wall: by its outline, else its line (sql/119), else its origin. A place that is not on the outline was not crossed at.
+-- Through what a boundary was crossed at a place on it: the number of the edge, as the vertices of the outline follow
+-- on one another (1 is from the first to the second), and the nearest door of the instance, not further away than a
+-- thick wall: by its outline, else its line (sql/119), else its origin. A place that is not on the outline was not
+-- crossed at.
 create or replace function semap.crossed_at(
   p_region_id integer, p_x_m double precision, p_y_m double precision,
   out edge integer, out door_id bigint, out door_name text
@@ -40,12 +39,10 @@ begin
   where j.room_id = v_instance_id and public.st_dwithin(door.shape, v_point, 0.5)
   order by public.st_distance(door.shape, v_point), i.uid limit 1;
 end $$;
-comment on function semap.crossed_at is
-  'Through what a boundary was crossed at a place on it: the number of the edge, and the nearest door of the instance.';
 
 -- Write crossings to relation_change in the order of their stamps, bring relation up to date, and keep what is over in
--- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no event
--- time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
+-- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no
+-- event time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
 -- identity is random.
 create or replace function semap.record_crossings(p_crossings semap.crossing[]) returns void
 language plpgsql set random_page_cost = 1.1 as $$ -- few rows are found by their place, and no table is read for them
@@ -93,5 +90,3 @@ begin
   select track_id, region_id, query_id, instance_id, map_id, since from told where is_final and kind = 'began'
   on conflict (track_id, region_id) do update set since = excluded.since;
 end $$;
-comment on function semap.record_crossings is
-  'Write crossings to relation_change, bring relation up to date, and keep what is over in relation_past.';

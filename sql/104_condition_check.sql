@@ -7,8 +7,6 @@ language plpgsql immutable parallel safe as $$
 begin
   raise exception '%: %', p_place, p_reason using errcode = 'invalid_parameter_value', hint = p_hint;
 end $$;
-comment on function semap.refuse_condition is
-  'Refuse a part of a condition: where it stands, why, and what to write instead.';
 
 -- The instant that a condition writes out; refuses what is none, or outside of the years 1 to 9999.
 create or replace function semap.check_condition_instant(p_text text, p_place text) returns timestamptz
@@ -23,10 +21,9 @@ begin
   end if;
   return v_found;
 end $$;
-comment on function semap.check_condition_instant is
-  'The instant that a condition writes out; refuses what is none, or outside of the years 1 to 9999.';
 
--- Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or `..`.
+-- Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or
+-- `..`.
 create or replace function semap.check_condition_interval(p_ends jsonb, p_place text, p_depth integer, p_names text[])
 returns text
 language plpgsql immutable parallel safe as $$
@@ -39,7 +36,8 @@ begin
     v_end := p_ends -> i;
     if v_end <> '".."' then
       v_kind := case when jsonb_typeof(v_end) = 'string' then 'instant'
-                     else semap.check_condition_part(v_end, format('%s.interval[%s]', p_place, i), p_depth + 1, p_names) end;
+                     else semap.check_condition_part(v_end, format('%s.interval[%s]', p_place, i), p_depth + 1,
+                                                     p_names) end;
       if v_kind not in ('instant', 'any') or v_end ? 'op' then
         return semap.refuse_condition(p_place, 'an end of an interval that is no time',
                                       'Give a time, a property, or "..".');
@@ -54,8 +52,6 @@ begin
   end if;
   return 'interval';
 end $$;
-comment on function semap.check_condition_interval is
-  'Refuse an interval that ends before it begins, or has an end that is no time; each end is a time, a property, or "..".';
 
 -- Refuse a comparison of kinds that are not alike, or that have no such comparison.
 create or replace function semap.check_condition_alike(
@@ -72,12 +68,11 @@ begin
                                   'Compare like with like; write times as {"timestamp": "2026-01-31T12:00:00Z"}.');
   elsif not v_known <@ array['number', 'text', 'instant'] and (p_ordered or not v_known <@ array['boolean']) then
     return semap.refuse_condition(p_place, format('%s of a %s', p_op, v_known[1]),
-                                  'Use it for number, text, instant' || case when p_ordered then '.' else ', boolean.' end);
+                                  'Use it for number, text, instant'
+                                  || case when p_ordered then '.' else ', boolean.' end);
   end if;
   return 'boolean';
 end $$;
-comment on function semap.check_condition_alike is
-  'Refuse a comparison of kinds that are not alike, or that have no such comparison.';
 
 -- Refuse what like cannot take as a pattern: a text, perhaps within casei and accenti, that does not end in an escape.
 create or replace function semap.check_condition_pattern(p_part jsonb, p_place text) returns text
@@ -93,8 +88,6 @@ begin
   end if;
   return 'boolean';
 end $$;
-comment on function semap.check_condition_pattern is
-  'Refuse what like cannot take as a pattern: a text, perhaps within casei and accenti, that does not end in an escape.';
 
 -- The kind of an operator applied to parts; refuses one that is not known, or that cannot be applied to these.
 create or replace function semap.check_condition_call(p_part jsonb, p_place text, p_depth integer, p_names text[])
@@ -112,7 +105,8 @@ declare
     when v_op = any (c_reals) then '{number,any}'
     when v_op in ('like', 'casei', 'accenti') then '{text,any}'
     when v_op = any (c_times) then '{instant,interval,any}' end;
-  v_least   integer := case when v_op in ('not', 'isnull', 'casei', 'accenti') then 1 when v_op = 'between' then 3 else 2 end;
+  v_least   integer := case when v_op in ('not', 'isnull', 'casei', 'accenti') then 1
+                            when v_op = 'between' then 3 else 2 end;
   v_kinds   text[];
 begin
   if v_wanted is null and v_op not in ('=', '<>', '<', '<=', '>', '>=', 'between', 'in', 'isnull') then
@@ -146,8 +140,6 @@ begin
   end if;
   return semap.condition_kind(p_part);
 end $$;
-comment on function semap.check_condition_call is
-  'The kind of an operator applied to parts; refuses one that is not known, or that cannot be applied to these.';
 
 -- The kind of a part of a condition, and of all in it; refuses what cannot be understood.
 create or replace function semap.check_condition_part(p_part jsonb, p_place text, p_depth integer, p_names text[])
@@ -203,8 +195,6 @@ begin
   return semap.refuse_condition(p_place, 'it is none of op, property, timestamp, date and interval',
                                 'Give a part as CQL2 JSON writes it (OGC 21-065r2); shapes are not known here.');
 end $$;
-comment on function semap.check_condition_part is
-  'The kind of a part of a condition, and of all in it; refuses what cannot be understood.';
 
 -- Refuse a condition that semap.condition_holds would not understand, is nested deeper than 50 levels, or longer than
 -- 100 kB; p_names are the names of values that there will be, null any. One that is null asks for nothing.
@@ -219,6 +209,3 @@ begin
     perform semap.refuse_condition('condition', 'it is neither true nor false', 'Compare it with something.');
   end if;
 end $$;
-comment on function semap.check_condition is
-  'Refuse a condition that semap.condition_holds would not understand, is nested deeper than 50 levels, or longer than'
-  ' 100 kB; p_names are the names of values that there will be, null any. One that is null asks for nothing.';

@@ -10,12 +10,9 @@ language sql immutable parallel safe as $$
   select nullif(case when p_values ? p_name then p_values -> p_name
                      else p_values #> string_to_array(p_name, '.') end, 'null'::jsonb)
 $$;
-comment on function semap.condition_property is
-  'What a name stands for: the value of that name, or what lies under the keys that dots separate (lists go by index);'
-  ' null where there is none, and for JSON''s null.';
 
--- The kind that a part of a condition has by itself: text, number, boolean, null, array, instant, interval, or `any` for
--- a property.
+-- The kind that a part of a condition has by itself: text, number, boolean, null, array, instant, interval, or `any`
+-- for a property.
 create or replace function semap.condition_kind(p_part jsonb) returns text
 language sql immutable parallel safe as $$
   select case jsonb_typeof(p_part)
@@ -30,9 +27,6 @@ language sql immutable parallel safe as $$
       else 'instant' end
     else jsonb_typeof(p_part) end
 $$;
-comment on function semap.condition_kind is
-  'The kind that a part of a condition has by itself: text, number, boolean, null, array, instant, interval, or any for'
-  ' a property.';
 
 -- The number that a JSON is, in double precision; null where it is none, or beyond 1.7e308. One too small for a float
 -- is 0.
@@ -43,12 +37,10 @@ language sql immutable parallel safe as $$
     when abs(p_json::numeric) <= 2.4703282292062328e-324 then 0
     when abs(p_json::numeric) < 1 then p_json::double precision end end
 $$;
-comment on function semap.json_number is
-  'The number that a JSON is, in double precision; null where it is none, or beyond 1.7e308. One too small for a float'
-  ' is 0.';
 
--- CQL2's arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too small.
--- The size of a result is looked at before, since PostgreSQL raises an error on what overflows, and a trigger must not.
+-- CQL2's arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too
+-- small. The size of a result is looked at before, since PostgreSQL raises an error on what overflows, and a trigger
+-- must not.
 create or replace function semap.real_arithmetic(p_op text, p_a double precision, p_b double precision)
 returns double precision
 language plpgsql immutable parallel safe as $$
@@ -96,9 +88,6 @@ begin
     else return null;
   end case;
 end $$;
-comment on function semap.real_arithmetic is
-  'CQL2''s arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too'
-  ' small.';
 
 -- A part of a condition as a number; null where it is none.
 create or replace function semap.condition_number(p_part jsonb, p_values jsonb) returns double precision
@@ -116,8 +105,6 @@ begin
   end if;
   return semap.json_number(v_json);
 end $$;
-comment on function semap.condition_number is
-  'A part of a condition as a number; null where it is none.';
 
 -- A part of a condition as a text; null where it is none.
 create or replace function semap.condition_text(p_part jsonb, p_values jsonb) returns text
@@ -136,8 +123,6 @@ begin
   end if;
   return case when jsonb_typeof(v_json) = 'string' then v_json #>> '{}' end;
 end $$;
-comment on function semap.condition_text is
-  'A part of a condition as a text; null where it is none.';
 
 -- A part of a condition as an instant; a text is the one that it says (RFC 3339), and null where it says none.
 create or replace function semap.condition_instant(p_part jsonb, p_values jsonb) returns timestamptz
@@ -151,12 +136,11 @@ begin
   end if;
   return semap.instant_of(coalesce(p_part ->> 'timestamp', p_part ->> 'date'));
 end $$;
-comment on function semap.condition_instant is
-  'A part of a condition as an instant; a text is the one that it says (RFC 3339), and null where it says none.';
 
 -- Whether two parts of a condition compare so; null where that is not known. They are compared as what the left one is
--- by itself, or else the right one, and a value of another kind is not known: numbers in double precision, texts by code
--- points. Of two properties the kinds must be equal; then numbers and texts have an order, all else is equal or not.
+-- by itself, or else the right one, and a value of another kind is not known: numbers in double precision, texts by
+-- code points. Of two properties the kinds must be equal; then numbers and texts have an order, all else is equal or
+-- not.
 create or replace function semap.condition_compare(p_op text, p_a jsonb, p_b jsonb, p_values jsonb) returns boolean
 language plpgsql immutable parallel safe as $$
 declare
@@ -196,11 +180,6 @@ begin
     when '>=' then return v_order >= 0;
   end case;
 end $$;
-comment on function semap.condition_compare is
-  'Whether two parts of a condition compare so; null where that is not known. They are compared as what the left one is'
-  ' by itself, or else the right one, and a value of another kind is not known: numbers in double precision, texts by'
-  ' code points. Of two properties the kinds must be equal; then numbers and texts have an order, all else is equal or'
-  ' not.';
 
 -- From when to when a part of a condition lasts: an instant is both; `..` is without an end.
 create or replace function semap.condition_span(
@@ -224,8 +203,6 @@ begin
                  when jsonb_typeof(v_end) = 'string' then semap.instant_of(v_end #>> '{}')
                  else semap.condition_instant(v_end, p_values) end;
 end $$;
-comment on function semap.condition_span is
-  'From when to when a part of a condition lasts: an instant is both; .. is without an end.';
 
 -- Whether two instants or intervals lie to one another as a temporal operator of CQL2 says; null where not known.
 create or replace function semap.condition_in_time(p_op text, p_a jsonb, p_b jsonb, p_values jsonb) returns boolean
@@ -255,8 +232,6 @@ begin
         using errcode = 'invalid_parameter_value', hint = 'Ask semap.check_condition what it may say.';
   end case;
 end $$;
-comment on function semap.condition_in_time is
-  'Whether two instants or intervals lie to one another as a temporal operator of CQL2 says; null where not known.';
 
 -- Whether a part of a condition is known to have no value.
 create or replace function semap.condition_is_null(p_part jsonb, p_values jsonb) returns boolean
@@ -270,8 +245,6 @@ begin
     else return false;
   end case;
 end $$;
-comment on function semap.condition_is_null is
-  'Whether a part of a condition is known to have no value.';
 
 -- Whether a part of a condition is true or false of values; null where that is not known.
 create or replace function semap.condition_truth(p_part jsonb, p_values jsonb) returns boolean
@@ -334,8 +307,6 @@ begin
       return semap.condition_in_time(v_op, v_args -> 0, v_args -> 1, p_values);
   end case;
 end $$;
-comment on function semap.condition_truth is
-  'Whether a part of a condition is true or false of values; null where that is not known.';
 
 -- Whether a condition in CQL2's JSON form is known to be true of named values; one that is null asks for nothing.
 -- A name is that of a value, or leads into it by keys with dots between; what is missing, or of another kind than is
@@ -344,7 +315,3 @@ create or replace function semap.condition_holds(p_condition jsonb, p_values jso
 language sql immutable parallel safe as $$
   select p_condition is null or coalesce(semap.condition_truth(p_condition, p_values), false)
 $$;
-comment on function semap.condition_holds is
-  'Whether a condition in CQL2''s JSON form is known to be true of named values; one that is null asks for nothing.'
-  ' A name is that of a value, or leads into it by keys with dots between; what is missing, or of another kind than is'
-  ' wanted of it, is not known, neither true nor false (see semap.condition_compare), and what is not known is not true.';

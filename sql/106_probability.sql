@@ -1,6 +1,6 @@
 -- How probable it is that something lies in an area, its position being known with a Gaussian error. What is computed,
--- and why it is right, stands in docs/explanation/uncertainty.md. PostgreSQL raises an error on a float that is too small
--- (exp(-1000), 1e-200 * 1e-200), so what does not count any more is left out before it is computed.
+-- and why it is right, stands in docs/explanation/uncertainty.md. PostgreSQL raises an error on a float that is too
+-- small (exp(-1000), 1e-200 * 1e-200), so what does not count any more is left out before it is computed.
 
 -- The standard normal distribution function, to about fifteen digits in both tails; 0 below -37.5. W. J. Cody, Rational
 -- Chebyshev approximations for the error function, Math. Comp. 23 (1969), as in his Algorithm 715 (ACM TOMS 19, 1993).
@@ -43,12 +43,10 @@ begin
   v_tail := exp(-v_q * v_q / 2) * exp(-(v_y - v_q) * (v_y + v_q) / 2) * v_tail;
   return case when p_x > 0 then 1 - v_tail else v_tail end;
 end $$;
-comment on function semap.normal_cdf is
-  'The standard normal distribution function, to about fifteen digits in both tails; 0 below -37.5. W. J. Cody, Rational'
-  ' Chebyshev approximations for the error function, Math. Comp. 23 (1969), as in his Algorithm 715 (ACM TOMS 19, 1993).';
 
--- Where the standard normal distribution function has a value, to about sixteen digits; infinite at 0 and 1, null outside
--- of them. M. J. Wichura, Algorithm AS 241: The percentage points of the normal distribution, Appl. Statist. 37 (1988).
+-- Where the standard normal distribution function has a value, to about sixteen digits; infinite at 0 and 1, null
+-- outside of them. M. J. Wichura, Algorithm AS 241: The percentage points of the normal distribution, Appl. Statist. 37
+-- (1988).
 create or replace function semap.normal_quantile(p_probability double precision) returns double precision
 language plpgsql immutable parallel safe as $$
 declare
@@ -92,25 +90,21 @@ begin
   end if;
   return case when v_q < 0 then -v_tail else v_tail end;
 end $$;
-comment on function semap.normal_quantile is
-  'Where the standard normal distribution function has a value, to about sixteen digits; infinite at 0 and 1, null'
-  ' outside of them. M. J. Wichura, Algorithm AS 241: The percentage points of the normal distribution, Appl. Statist. 37'
-  ' (1988).';
 
 -- How far a position is from the boundary of an area [m], its holes being outside: positive inside, negative outside.
 create or replace function semap.signed_distance_m(
   p_shape public.geometry, p_x_m double precision, p_y_m double precision
 ) returns double precision
 language sql immutable parallel safe as $$
-  select case when st_contains(p_shape, st_point(p_x_m, p_y_m)) then st_distance(st_boundary(p_shape), st_point(p_x_m, p_y_m))
+  select case when st_contains(p_shape, st_point(p_x_m, p_y_m))
+              then st_distance(st_boundary(p_shape), st_point(p_x_m, p_y_m))
               else 0 - st_distance(p_shape, st_point(p_x_m, p_y_m)) end
 $$;
-comment on function semap.signed_distance_m is
-  'How far a position is from the boundary of an area [m], its holes being outside: positive inside, negative outside.';
 
 -- How much of the standard normal distribution in the plane lies in the triangle (0, 0), (p_h, 0), (p_h, p_t), which is
--- negative where p_t is; p_h is not. This is atan(t / h) / 2 pi - T(h, t / h), T being the function of D. B. Owen (Tables
--- for computing bivariate normal probabilities, 1956), here by Gauss-Legendre quadrature with 24 points for t <= h.
+-- negative where p_t is; p_h is not. This is atan(t / h) / 2 pi - T(h, t / h), T being the function of D. B. Owen
+-- (Tables for computing bivariate normal probabilities, 1956), here by Gauss-Legendre quadrature with 24 points for t
+-- <= h.
 create or replace function semap.triangle_probability(p_h double precision, p_t double precision)
 returns double precision
 language plpgsql immutable parallel safe as $$
@@ -148,20 +142,13 @@ begin
     + 0.028531388628933663 * exp(-c * 0.950095757825914233) / (1 + b * 0.950095757825914233)
     + 0.012341229799987200 * exp(-c * 0.990397602845399791) / (1 + b * 0.990397602845399791))) / (2 * pi());
 end $$;
-comment on function semap.triangle_probability is
-  'How much of the standard normal distribution in the plane lies in the triangle (0, 0), (p_h, 0), (p_h, p_t), which is'
-  ' negative where p_t is; p_h is not. This is atan(t / h) / 2 pi - T(h, t / h), T being the function of D. B. Owen (Tables'
-  ' for computing bivariate normal probabilities, 1956), here by Gauss-Legendre quadrature with 24 points for t <= h.';
 
--- (1 - exp(-r^2 / 2)) / r^2, of which the standard normal distribution in a triangle with the origin is the integral over
--- the opposite edge.
+-- (1 - exp(-r^2 / 2)) / r^2, of which the standard normal distribution in a triangle with the origin is the integral
+-- over the opposite edge.
 create or replace function semap.mass_to(p_r2 double precision) returns double precision
 language sql immutable parallel safe as $$
   select (1 - exp(-p_r2 / 2)) / p_r2
 $$;
-comment on function semap.mass_to is
-  '(1 - exp(-r^2 / 2)) / r^2, of which the standard normal distribution in a triangle with the origin is the integral over'
-  ' the opposite edge.';
 
 -- How much of the standard normal distribution in the plane lies in the triangle of the origin and an edge, negative
 -- where the edge goes around the origin clockwise; these add up to what lies in a ring.
@@ -205,9 +192,6 @@ begin
   end if;
   return sign(v_cross) * (semap.triangle_probability(v_h, v_t2) - semap.triangle_probability(v_h, v_t1));
 end $$;
-comment on function semap.edge_probability is
-  'How much of the standard normal distribution in the plane lies in the triangle of the origin and an edge, negative'
-  ' where the edge goes around the origin clockwise; these add up to what lies in a ring.';
 
 -- The edges of an area, which lies to the left of each, in coordinates u = ux (x - x0) + uy (y - y0) and v likewise. A
 -- coordinate below 1e-76 m becomes 0.
@@ -222,12 +206,10 @@ language sql immutable parallel safe as $$
         from (select st_startpoint(geom) as a, st_endpoint(geom) as b
               from st_dumpsegments(st_forcepolygonccw(p_shape)) offset 0) s offset 0) e
 $$;
-comment on function semap.edges_seen_from is
-  'The edges of an area, which lies to the left of each, in coordinates u = ux (x - x0) + uy (y - y0) and v likewise. A'
-  ' coordinate below 1e-76 m becomes 0.';
 
 -- How probable it is that a position lies in an area whose error is along one direction only, in which its standard
--- deviation is a vector [m]. `least` and `most` are for lines a billionth of it to either side, which may run along an edge.
+-- deviation is a vector [m]. `least` and `most` are for lines a billionth of it to either side, which may run along an
+-- edge.
 create or replace function semap.probability_on_line(
   p_shape public.geometry, p_x_m double precision, p_y_m double precision,
   p_std_x_m double precision, p_std_y_m double precision,
@@ -246,14 +228,11 @@ begin
                                            -p_std_y_m, p_std_x_m)
                 where (v1 > aside) <> (v2 > aside)) s;
 end $$;
-comment on function semap.probability_on_line is
-  'How probable it is that a position lies in an area whose error is along one direction only, in which its standard'
-  ' deviation is a vector [m]. least and most are for lines a billionth of it to either side, which may run along an edge.';
 
--- How probable it is that a position with a Gaussian error of this covariance [m^2] lies in a polygon or polygons, whose
--- holes are outside: the integral, edge by edge, and between what bounds it is, whatever was rounded. Without an error it
--- is 1 or 0, as ST_Contains says. Deviations below a nanometre count as none; where one is below a millionth of the
--- other, the position is on a line.
+-- How probable it is that a position with a Gaussian error of this covariance [m^2] lies in a polygon or polygons,
+-- whose holes are outside: the integral, edge by edge, and between what bounds it is, whatever was rounded. Without an
+-- error it is 1 or 0, as ST_Contains says. Deviations below a nanometre count as none; where one is below a millionth
+-- of the other, the position is on a line.
 create or replace function semap.probability_inside(
   p_shape public.geometry, p_x_m double precision, p_y_m double precision,
   p_cov_xx_m2 double precision, p_cov_xy_m2 double precision, p_cov_yy_m2 double precision,
@@ -311,7 +290,8 @@ begin
     select coalesce(sum(semap.edge_probability(u1, v1, u2, v2)), 0),
            coalesce(sum(4e-15 * v_skew * (v_skew + greatest(abs(u1), abs(v1), abs(u2), abs(v2)))), 0)
     into probability, v_error
-    from semap.edges_seen_from(v_shape, p_x_m, p_y_m, 1 / sqrt(c_xx), 0, -c_xy / sqrt(c_xx * c_det), sqrt(c_xx / c_det));
+    from semap.edges_seen_from(v_shape, p_x_m, p_y_m, 1 / sqrt(c_xx), 0, -c_xy / sqrt(c_xx * c_det),
+                               sqrt(c_xx / c_det));
     "least" := probability - v_error - 1e-15;
     most := probability + v_error + 1e-15;
   end if;
@@ -319,8 +299,3 @@ begin
   "least" := least(1, greatest(0, "least"));
   most := least(1, greatest(0, most));
 end $$;
-comment on function semap.probability_inside is
-  'How probable it is that a position with a Gaussian error of this covariance [m^2] lies in a polygon or polygons, whose'
-  ' holes are outside: the integral, edge by edge, and between what bounds it is, whatever was rounded. Without an error it'
-  ' is 1 or 0, as ST_Contains says. Deviations below a nanometre count as none; where one is below a millionth of the'
-  ' other, the position is on a line.';

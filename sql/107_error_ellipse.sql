@@ -1,10 +1,11 @@
--- The error ellipse of a position: `std_m` is its standard deviation along the longer axis, `std_across_m` that along the
--- shorter one, `std_yaw_rad` the direction of the longer one in the map frame, from x towards y. A position whose error is
--- alike in all directions has `std_m` alone.
+-- The error ellipse of a position: `std_m` is its standard deviation along the longer axis, `std_across_m` that along
+-- the shorter one, `std_yaw_rad` the direction of the longer one in the map frame, from x towards y. A position whose
+-- error is alike in all directions has `std_m` alone.
 
--- The error ellipse of a covariance [m^2], as the columns of a state have it: insert into semap.track_state (..., std_m,
--- std_across_m, std_yaw_rad) select ..., e.* from ..., semap.error_ellipse(...) e. Where the deviations are the same to
--- the digits that a state keeps, it is a circle. All null: nothing is known. Variances below 1e-30 count as none.
+-- The error ellipse of a covariance [m^2], as the columns of a state have it: insert into semap.track_state (...,
+-- std_m, std_across_m, std_yaw_rad) select ..., e.* from ..., semap.error_ellipse(...) e. Where the deviations are the
+-- same to the digits that a state keeps, it is a circle. All null: nothing is known. Variances below 1e-30 count as
+-- none.
 create or replace function semap.error_ellipse(
   var_x_m2 double precision, cov_xy_m2 double precision, var_y_m2 double precision,
   out std_m real, out std_across_m real, out std_yaw_rad real
@@ -35,9 +36,6 @@ begin
     std_across_m := null;
   end if;
 end $$;
-comment on function semap.error_ellipse is
-  'The error ellipse of a covariance [m^2], as the columns of a state have it. Where the deviations are the same to the'
-  ' digits that a state keeps, it is a circle. All null: nothing is known. Variances below 1e-30 count as none.';
 
 -- The covariance of a position [m^2] by its error ellipse; null where nothing is known.
 create or replace function semap.error_covariance(
@@ -49,12 +47,10 @@ language sql immutable parallel safe as $$
   from (select p_std_m ^ 2 as along, coalesce(p_std_across_m, p_std_m) ^ 2 as across,
                cos(coalesce(p_std_yaw_rad, 0)) as c, sin(coalesce(p_std_yaw_rad, 0)) as s) e
 $$;
-comment on function semap.error_covariance is
-  'The covariance of a position [m^2] by its error ellipse; null where nothing is known.';
 
--- How far a position is from a boundary, across the longer axis of its error ellipse stretched until that is a circle of
--- std_m: divided by std_m, the distance in standard deviations. The shorter axis counts for at least a thousandth of the
--- longer one. For a straight boundary that is d * std_m / sqrt(n' C n).
+-- How far a position is from a boundary, across the longer axis of its error ellipse stretched until that is a circle
+-- of std_m: divided by std_m, the distance in standard deviations. The shorter axis counts for at least a thousandth of
+-- the longer one. For a straight boundary that is d * std_m / sqrt(n' C n).
 create or replace function semap.stretched_distance_m(
   p_boundary public.geometry, p_x_m double precision, p_y_m double precision,
   p_std_m double precision, p_std_across_m double precision, p_std_yaw_rad double precision
@@ -71,7 +67,3 @@ begin
                      c_cos, c_sin, -c_sin * c_stretch, c_cos * c_stretch, 0, 0),
     public.st_point(0, 0));
 end $$;
-comment on function semap.stretched_distance_m is
-  'How far a position is from a boundary, across the longer axis of its error ellipse stretched until that is a circle of'
-  ' std_m: divided by std_m, the distance in standard deviations. The shorter axis counts for at least a thousandth of the'
-  ' longer one. For a straight boundary that is d * std_m / sqrt(n'' C n).';

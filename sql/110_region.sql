@@ -24,8 +24,6 @@ language sql stable parallel safe as $$
   where c.map_id = p_map_id
     and c.cell_x = floor(p_x_m / p_cell_m)::integer and c.cell_y = floor(p_y_m / p_cell_m)::integer
 $$;
-comment on function semap.regions_at is
-  'The plain regions that contain a point, and the heights around its own for which that stays so.';
 
 -- An open rectangle around a point that no edge of a region reaches into, so that a state within it needs no look at the
 -- map. It starts as the point's cell; each edge cuts it on the axis on which the edge is further away. A point on an
@@ -57,8 +55,6 @@ language sql stable parallel safe as $$
       offset 0) e -- the distances are computed once and not wherever they are asked
     ) cut
 $$;
-comment on function semap.calm_rectangle is
-  'An open rectangle around a point that no edge of a region reaches into.';
 
 -- The edges of a footprint as boxes: an edge along an axis as it is, any other in pieces of at most
 -- half a metre (neighbouring short edges share one), widened by a nanometre against rounding.
@@ -89,5 +85,3 @@ language sql immutable parallel safe as $$
   union all
   select least(ax, bx), greatest(ax, bx), least(ay, by), greatest(ay, by) from bucketed where alone
 $$;
-comment on function semap.footprint_edges is
-  'The edges of a footprint as boxes, in pieces small enough to be tight.';

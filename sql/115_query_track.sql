@@ -9,8 +9,6 @@ create or replace view semap.query_side as
     (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),
     (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_where)
   ) s (is_object, kind, concept_id, uids, condition);
-comment on view semap.query_side is
-  'Both sides of each query, with what they ask for.';
 
 -- Every track that a side of a query is about, whether it lives or not.
 create or replace view semap.side_track as
@@ -23,15 +21,11 @@ create or replace view semap.side_track as
     and (s.condition is null or semap.condition_holds(s.condition, jsonb_build_object(
            'name', t.name, 'attributes', t.attributes,
            'source', (select name from semap.source n where n.source_id = t.source_id))));
-comment on view semap.side_track is
-  'Every track that a side of a query is about, whether it lives or not.';
 
 -- Which tracks each query with conditions on its subject is about, if regions keep it.
 create or replace view semap.query_track_wanted as
   select query_id, track_id, map_id from semap.side_track
   where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition is not null);
-comment on view semap.query_track_wanted is
-  'Which tracks each query with conditions on its subject is about, if regions keep it.';
 
 -- Say anew which tracks these queries are about, of these tracks or (null) of all of their maps.
 create or replace function semap.choose_tracks(p_query_ids integer[], p_track_ids bigint[]) returns void
@@ -43,5 +37,3 @@ begin
   select query_id, track_id, map_id from semap.query_track_wanted
   where (p_query_ids is null or query_id = any (p_query_ids)) and (p_track_ids is null or track_id = any (p_track_ids));
 end $$;
-comment on function semap.choose_tracks is
-  'Say anew which tracks these queries are about, of these tracks or of all of their maps.';

@@ -1,4 +1,4 @@
--- The shape and the band of heights that a predicate asks for, of an abstraction with its heights [m].
+-- The band of heights that a predicate asks for, of an abstraction with its heights [m].
 create or replace function semap.predicate_band(
   p_predicate text, p_dimensions smallint, p_distance_m double precision,
   p_z_min_m double precision, p_z_max_m double precision, out z_min_m double precision, out z_max_m double precision
@@ -6,8 +6,6 @@ create or replace function semap.predicate_band(
   select case when p_predicate = 'on' then p_z_max_m - 0.1 when p_dimensions = 3 then p_z_min_m - coalesce(p_distance_m, 0) end,
          case when p_predicate = 'on' then p_z_max_m + 0.5 when p_dimensions = 3 then p_z_max_m + coalesce(p_distance_m, 0) end
 $$;
-comment on function semap.predicate_band is
-  'The band of heights that a predicate asks for, of an abstraction with its heights.';
 
 -- A shape grown (or, by a negative distance, shrunk), round at its corners to half a millimetre.
 create or replace function semap.grown(p_shape public.geometry, p_by_m double precision) returns public.geometry
@@ -16,8 +14,6 @@ language sql immutable parallel safe as $$
     else public.st_buffer(p_shape, p_by_m,
       'quad_segs=' || greatest(8, ceil(pi() / 4 / acos(1 - 0.0005 / greatest(abs(p_by_m), 0.001)))::integer)) end
 $$;
-comment on function semap.grown is
-  'A shape grown (or, by a negative distance, shrunk), round at its corners to half a millimetre.';
 
 -- The area to the front (x), back, left (y) or right of a shape as its own frame has it, at a yaw [rad]: the side of its
 -- box in that frame, swept outwards by a reach [m].
@@ -34,8 +30,6 @@ language sql immutable parallel safe as $$
   from (select public.st_xmin(s) as x_min, public.st_xmax(s) as x_max, public.st_ymin(s) as y_min, public.st_ymax(s) as y_max
         from public.st_rotate(p_shape, -p_yaw_rad) s) e
 $$;
-comment on function semap.area_beside is
-  'The area to the front, back, left or right of a shape as its own frame has it.';
 
 -- What of an abstraction a predicate compares with the place of a track.
 create or replace function semap.predicate_shape(
@@ -49,8 +43,6 @@ begin
   end if;
   return p_geometry;
 end $$;
-comment on function semap.predicate_shape is
-  'What of an abstraction a predicate compares with the place of a track.';
 
 -- Every region that the continuous queries ask for: one for each instance that a query is about and that has the
 -- abstraction it compares. `footprint` is where the relation holds, as a polygon; `shape` what the predicate compares;
@@ -88,6 +80,4 @@ create or replace view semap.region_wanted as
     and (q.object_where is null or semap.condition_holds(
            q.object_where, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
     and public.st_dimension(f.footprint) = 2;
-comment on view semap.region_wanted is
-  'Every region that the continuous queries ask for.';
 

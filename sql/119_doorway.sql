@@ -6,8 +6,6 @@ language sql immutable parallel safe as $$
   select case when jsonb_typeof(p_attributes -> p_key) = 'number' and (p_attributes -> p_key)::numeric between 0.001 and 100
               then (p_attributes -> p_key)::double precision end
 $$;
-comment on function semap.length_said is
-  'A length in metres that attributes say; null for what is no number above 0 and at most 100.';
 
 -- The line that halves the smallest rectangle around an outline along its longer side, towards x, or else y.
 create or replace function semap.middle_line(p_outline public.geometry) returns public.geometry
@@ -27,8 +25,6 @@ language sql immutable parallel safe as $$
                                     then 1 else -1 end as sign) d
     order by round(length_m::numeric, 6) desc, abs(s.way_x_m) desc limit 1) longer
 $$;
-comment on function semap.middle_line is
-  'The line that halves the smallest rectangle around an outline along its longer side, towards x, or else y.';
 
 -- The line on which an opening is passed, with its heights, in the map's frame. It leads through the middle of its outline
 -- along the longer side, or, without one, along the x axis of its own frame, as wide as `width_m` says; in either case
@@ -66,5 +62,3 @@ begin
        semap.carry(v_pose, public.st_x(public.st_endpoint(v_middle)), public.st_y(public.st_endpoint(v_middle)), 0) t
   where v_middle is not null;
 end $$;
-comment on function semap.doorway is
-  'The line on which an opening is passed, with its heights, in the map''s frame.';

@@ -6,8 +6,6 @@ language sql as $$
     (select map_id, cell_x, cell_y from semap.region_cell where region_id = any (p_region_ids)
      union select map_id, cell_x, cell_y from semap.region_edge where region_id = any (p_region_ids))
 $$;
-comment on function semap.unsettle is
-  'Let every track in a cell of these regions, or of their edges, be looked up at its next state.';
 
 -- The cells that these regions reach into.
 create or replace function semap.cells_of_regions(p_region_ids integer[]) returns table (
@@ -29,8 +27,6 @@ language sql stable as $$
   ) cell
   where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square)
 $$;
-comment on function semap.cells_of_regions is
-  'The cells that these regions reach into.';
 
 -- The edges of these regions, each in every cell that it passes through. One that is kept away from is, too, where it may
 -- be too near for a position that is as inexact as the query allows; one of a rounded shape is widened by the half
@@ -56,8 +52,6 @@ language sql stable as $$
                                      floor((e.y_max_m + w.by_m + w.stds * w.widest_std_m) / m.cell_m)::integer) cell_y
   where r.region_id = any (p_region_ids)
 $$;
-comment on function semap.edges_of_regions is
-  'The edges of these regions, each in every cell that it passes through.';
 
 -- Write the cells and edges of these regions anew. A region that would fill more than a million
 -- cells is refused: its map wants larger ones.
@@ -90,8 +84,6 @@ begin
     analyze semap.region, semap.region_cell, semap.region_edge;
   end if;
 end $$;
-comment on function semap.index_regions is
-  'Write the cells and edges of these regions anew.';
 
 -- Note that these regions have a new form: what came before on their map is not a matter of it.
 create or replace function semap.note_forms(p_region_ids integer[]) returns void
@@ -102,8 +94,6 @@ language sql as $$
         where map_id in (select map_id from semap.region where region_id = any (p_region_ids)) group by map_id) n
   where r.region_id = any (p_region_ids) and r.map_id = n.map_id
 $$;
-comment on function semap.note_forms is
-  'Note that these regions have a new form: what came before on their map is not a matter of it.';
 
 -- Bring the regions of these instances in line with the map and the queries. Who is in a region that
 -- appeared, changed or went enters or leaves it now, at the last stamp of the track.
@@ -208,10 +198,8 @@ begin
 
   delete from semap.region where region_id = any (v_gone);
 end $$;
-comment on function semap.refresh_regions is
-  'Bring the regions of these instances in line with the map and the queries.';
 
--- A footprint was added, edited or removed.
+-- A footprint was added, edited or removed: its regions follow.
 create or replace function semap.abstraction_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -234,8 +222,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.abstraction_changed is
-  'A footprint was added, edited or removed: its regions follow.';
 
 create or replace trigger abstraction_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.abstraction_changed();
@@ -244,7 +230,7 @@ create or replace trigger abstraction_updated after update on semap.abstraction
 create or replace trigger abstraction_deleted after delete on semap.abstraction
   referencing old table as old_row for each statement execute function semap.abstraction_changed();
 
--- An instance was added, changed its concept, name or description, or was removed.
+-- An instance was added, changed its concept, name or description, or was removed: its regions follow.
 create or replace function semap.instance_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -257,8 +243,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.instance_changed is
-  'An instance was added, changed or removed: its regions follow.';
 
 create or replace trigger instance_inserted after insert on semap.instance
   referencing new table as new_row for each statement execute function semap.instance_changed();
@@ -267,7 +251,7 @@ create or replace trigger instance_updated after update on semap.instance
 create or replace trigger instance_deleted after delete on semap.instance
   referencing old table as old_row for each statement execute function semap.instance_changed();
 
--- A concept moved in the taxonomy.
+-- A concept moved in the taxonomy: the regions follow.
 create or replace function semap.concepts_moved() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -286,13 +270,11 @@ begin
     and (subject_concept_id is not null or object_concept_id is not null or predicate = 'crosses'); -- what is an opening
   return null;
 end $$;
-comment on function semap.concepts_moved is
-  'A concept moved in the taxonomy: the regions follow.';
 
 create or replace trigger concept_moved after insert or update or delete on semap.concept_parent
   for each statement execute function semap.concepts_moved();
 
--- A continuous query was added, changed or removed.
+-- A continuous query was added, changed or removed: its regions follow.
 create or replace function semap.queries_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -320,8 +302,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.queries_changed is
-  'A continuous query was added, changed or removed: its regions follow.';
 
 create or replace trigger continuous_query_inserted after insert on semap.continuous_query
   referencing new table as new_query for each statement execute function semap.queries_changed();
@@ -344,8 +324,6 @@ begin
   delete from semap.row_version where map_id in (select map_id from old_map);
   return null;
 end $$;
-comment on function semap.map_deleted is
-  'With a map goes what happened on it: a map of the same name starts anew.';
 
 create or replace trigger map_deleted after delete on semap.map
   referencing old table as old_map for each statement execute function semap.map_deleted();

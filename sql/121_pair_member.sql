@@ -10,8 +10,6 @@
 -- Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.
 create or replace function semap.hold_pairs(p_map_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7373, p_map_id) $$;
-comment on function semap.hold_pairs is
-  'Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.';
 
 -- A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them. It is
 -- thick, since the index keeps boxes together by their volumes.
@@ -24,8 +22,6 @@ language sql immutable parallel safe as $$
     public.st_makepoint(p_x_min_m, p_y_min_m, (2 * p_query_id::double precision + p_is_object::integer) * 1e8),
     public.st_makepoint(p_x_max_m, p_y_max_m, (2 * p_query_id::double precision + p_is_object::integer + 0.25) * 1e8))
 $$;
-comment on function semap.pair_box is
-  'A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them.';
 
 -- What of a track a predicate compares: its place, the ground that it covers, or what lies beside that.
 create or replace function semap.track_shape(
@@ -42,8 +38,6 @@ begin
   end if;
   return public.st_point(p_x_m, p_y_m);
 end $$;
-comment on function semap.track_shape is
-  'What of a track a predicate compares: its place, the ground that it covers, or what lies beside that.';
 
 -- What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.
 create or replace function semap.instance_shape(
@@ -57,14 +51,10 @@ language sql immutable parallel safe as $$
       then public.st_boundary(public.st_forcepolygonccw(p_shape))
     else p_shape end
 $$;
-comment on function semap.instance_shape is
-  'What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.';
 
 -- Both sides of each query about pairs that is enabled.
 create or replace view semap.pair_side as
   select * from semap.query_side where in_pairs and enabled;
-comment on view semap.pair_side is
-  'Both sides of each query about pairs that is enabled.';
 
 -- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline; an
 -- opening that was drawn as a line, or has no line, is crossed where it is passed.
@@ -91,15 +81,11 @@ create or replace view semap.pair_instance_wanted as
     and (s.uids is null or i.uid = any (s.uids))
     and (s.condition is null or semap.condition_holds(
            s.condition, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)));
-comment on view semap.pair_instance_wanted is
-  'Every instance that takes part in a query about pairs, as it is now.';
 
 -- Every track that queries about pairs are about, whether it lives or not.
 create or replace view semap.pair_track_wanted as
   select query_id, is_object, map_id, query_name, predicate, distance_m, track_id, uid, name
   from semap.side_track where in_pairs and enabled;
-comment on view semap.pair_track_wanted is
-  'Every track that queries about pairs are about, whether it lives or not.';
 
 -- Put tracks where these states say, each one of another track, on both sides of all queries; those that appear come in.
 create or replace function semap.place_tracks(p_states semap.arrival[], p_appeared bigint[]) returns void
@@ -125,5 +111,3 @@ begin
                                                a.heading_rad, a.length_m, a.width_m) as shape offset 0) s
   where m.ctid = n.row_place;
 end $$;
-comment on function semap.place_tracks is
-  'Put tracks where these states say, on both sides of all queries; those that appear come in.';

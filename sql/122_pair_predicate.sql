@@ -24,8 +24,6 @@ begin
   end if;
   return p_subject_z_min_m >= p_object_z_min_m and p_subject_z_max_m <= p_object_z_max_m;
 end $$;
-comment on function semap.heights_meet is
-  'Whether the heights of two things let a predicate hold.';
 
 -- Whether a heading [rad] is within an angle of the bearing from one place to another; not where they are one place.
 create or replace function semap.is_facing(
@@ -36,8 +34,6 @@ language sql immutable parallel safe as $$
      and abs(atan2(cos(p_yaw_rad) * y_m - sin(p_yaw_rad) * x_m, cos(p_yaw_rad) * x_m + sin(p_yaw_rad) * y_m)) <= p_angle_rad
   from (select public.st_x(p_to) - public.st_x(p_from) as x_m, public.st_y(p_to) - public.st_y(p_from) as y_m) d
 $$;
-comment on function semap.is_facing is
-  'Whether a heading is within an angle of the bearing from one place to another.';
 
 -- Where a pair stands: whether the predicate holds (of `approaching`: whether the two are within its distance), whether
 -- it does so deep enough to begin, and whether it is far enough from that to end.
@@ -100,5 +96,3 @@ begin
   enters := coalesce(enters, side);
   leaves := coalesce(leaves, not side);
 end $$;
-comment on function semap.pair_stands is
-  'Where a pair stands: whether the predicate holds, whether deep enough to begin, and whether it is far enough to end.';

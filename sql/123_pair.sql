@@ -71,8 +71,6 @@ begin
     where p.object_key = any (p_keys) and p.query_id = any (p_query_ids)
       and p.query_id not in (select c.query_id from semap.continuous_query c where c.predicate = 'nearest');
 end $$;
-comment on function semap.pair_candidates is
-  'Which pairs have to be compared after these things moved.';
 
 -- The objects of a query that are nearest to a subject, seen from above; of two that are as near, that of the lesser uid.
 -- Any few of them say how far away the last one can be at most; those that are no further are looked at.
@@ -107,8 +105,6 @@ begin
       and st_distance(o.shape, p_shape) <= v_within_m
     order by st_distance(o.shape, p_shape), o.uid limit p_count;
 end $$;
-comment on function semap.nearest_members is
-  'The objects of a query that are nearest to a subject, seen from above.';
 
 -- Compare the pairs of these things and keep what they are to each other; give what began and ended by it. What appeared
 -- now, and (cause `map`) what was edited, is where the boundary says at once. A pair's moment is the later of those of
@@ -190,8 +186,6 @@ begin
   into v_changes from followed where now_held <> held;
   return v_changes;
 end $$;
-comment on function semap.settle_pairs is
-  'Compare the pairs of these things and keep what they are to each other; give what began and ended by it.';
 
 -- Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past. What happens
 -- has an identity of its own, so that a replay gives the same one; where it would happen twice at one stamp (sources
@@ -241,8 +235,6 @@ begin
   from told where kind = 'ended'
   order by edge_at, place;
 end $$;
-comment on function semap.record_pair_changes is
-  'Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past.';
 
 -- Note that these queries have a new form: what came before on their map is not a matter of it.
 create or replace function semap.note_pair_forms(p_query_ids integer[]) returns void
@@ -254,8 +246,6 @@ language sql as $$
   group by q.query_id, q.map_id, p.through
   on conflict (query_id) do update set formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
 $$;
-comment on function semap.note_pair_forms is
-  'Note that these queries have a new form: what came before on their map is not a matter of it.';
 
 -- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all;
 -- their members go. Gives the queries whose nearest ones have to be looked up again without them.
@@ -298,8 +288,6 @@ begin
   end if;
   return v_nearest;
 end $$;
-comment on function semap.part_pairs is
-  'Part these things from all that they are paired with; their members go.';
 
 -- Let tracks go that ended or are deleted, at a stamp (null: that of each pair). What is nearest without them is so then.
 create or replace function semap.let_tracks_go(p_track_ids bigint[], p_at timestamptz, p_cause semap.change_cause)
@@ -314,8 +302,6 @@ begin
       p_at, case when p_cause = 'map' then 'map' else 'moved' end::semap.change_cause));
   end if;
 end $$;
-comment on function semap.let_tracks_go is
-  'Let tracks go that ended or are deleted; what is nearest without them is so then.';
 
 -- Follow tracks through these states in all pairs of their map, stamp after stamp. At each, all are where they are
 -- before any two are compared.
@@ -354,5 +340,3 @@ begin
     end if;
   end loop;
 end $$;
-comment on function semap.compare_pairs is
-  'Follow tracks through these states in all pairs of their map, stamp after stamp.';

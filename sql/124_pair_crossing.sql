@@ -24,8 +24,6 @@ begin
   end if;
   return case when p_on_x * p_back_x + p_on_y * p_back_y < 0 then v_on > 0 end;
 end $$;
-comment on function semap.points_left is
-  'To which side of a path a direction points at a corner of it: true is left; null along the path.';
 
 -- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves it
 -- (null: along the line, or no side). Parts of the way in [0, 1].
@@ -111,8 +109,6 @@ begin
     end loop;
   end loop;
 end $$;
-comment on function semap.way_meets is
-  'Where a straight way meets lines, with the side from which it comes and the one on which it leaves.';
 
 -- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.
 -- p_came_from_left: of its start, if that is on a line.
@@ -145,8 +141,6 @@ begin
     came_from_left := null;
   end if;
 end $$;
-comment on function semap.way_across is
-  'Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.';
 
 -- The crossings of lines by these states, each of another track, whose members are still where they were before.
 create or replace function semap.cross_lines(p_query_ids integer[], p_states semap.arrival[]) returns semap.pair_change[]
@@ -201,5 +195,3 @@ begin
   into v_changes from crossed;
   return v_changes;
 end $$;
-comment on function semap.cross_lines is
-  'The crossings of lines by these states, each of another track, whose members are still where they were before.';

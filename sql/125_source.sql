@@ -5,8 +5,6 @@ begin
   new.lateness := make_interval(secs => extract(epoch from new.lateness)::double precision);
   return new;
 end $$;
-comment on function semap.source_lateness is
-  'Say how late states of a source may come in one form of all intervals: hours, minutes and seconds.';
 
 create or replace trigger source_lateness before insert or update of lateness on semap.source
   for each row execute function semap.source_lateness();
@@ -20,8 +18,6 @@ language sql stable parallel safe as $$
                                                  else interval '1 us' end, '-infinity')
          - case when (p_source).ended then interval '0' else (p_source).lateness end
 $$;
-comment on function semap.complete_through is
-  'Up to where all states of a source have come: what its watermark says; of one that says none, all before its newest stamp.';
 
 -- A source that speaks has not ended, unless the same statement says that it has, and is not idle.
 create or replace function semap.source_speaks() returns trigger
@@ -33,8 +29,6 @@ begin
   end if;
   return new;
 end $$;
-comment on function semap.source_speaks is
-  'A source that speaks has not ended, unless the same statement says that it has, and is not idle.';
 
 -- Note the newest stamp of a source that says no watermark. p_is_whole: all of its states at that stamp are there.
 create or replace function semap.note_newest(p_source_id integer, p_stamp timestamptz, p_is_whole boolean default false)
@@ -46,8 +40,6 @@ begin
   where source_id = p_source_id and watermark is null
     and (newest_stamp is null or newest_stamp < p_stamp or newest_stamp = p_stamp and p_is_whole and not newest_is_whole);
 end $$;
-comment on function semap.note_newest is
-  'Note the newest stamp of a source that says no watermark.';
 
 -- Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole. What follows from it
 -- shares the regions (sql/147), which come before rows: while somebody edits, nothing is done.
@@ -61,8 +53,6 @@ language sql security definer set search_path = public, pg_temp as $$
                         where watermark is null and not newest_is_whole and pg_try_advisory_xact_lock_shared(7363, 0)
                         for no key update skip locked)
 $$;
-comment on function semap.complete_silent_sources is
-  'Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole.';
 
 -- Count what a source has brought in, up to a stamp, within the transaction that brings it and holds the source.
 create or replace function semap.count_received(
@@ -81,8 +71,6 @@ begin
   end if;
   perform semap.note_newest(p_source_id, p_newest);
 end $$;
-comment on function semap.count_received is
-  'Count what a source has brought in, up to a stamp, within the transaction that brings it and holds the source.';
 
 create or replace trigger source_speaks before update of watermark, newest_stamp on semap.source
   for each row execute function semap.source_speaks();

@@ -24,8 +24,6 @@ begin
   end loop;
   return v_nearest;
 end $$;
-comment on function semap.let_members_go is
-  'Part whoever takes part in these queries no more.';
 
 -- Put the instances that take part in these queries where they are, of these things or (null) of all, and tell which are
 -- not what they were. What rests on what depends on more than outlines, and is taken as changed.
@@ -59,8 +57,6 @@ begin
   select keys into v_changed from changed;
   return v_changed;
 end $$;
-comment on function semap.place_instance_members is
-  'Put the instances that take part in these queries where they are, and tell which are not what they were.';
 
 -- Take in the tracks that take part in these queries, of these things or (null) of all, and tell which are new, or have
 -- another uid, by which the nearest of two is chosen. Each is put where it is, as these queries see it.
@@ -98,8 +94,6 @@ begin
   perform semap.place_tracks(v_states, null);
   return v_new;
 end $$;
-comment on function semap.place_track_members is
-  'Take in the tracks that take part in these queries, and tell which are new.';
 
 -- Bring the members of these queries in line, of these things or (null) of all, and compare again whoever is not what it
 -- was; everybody, where the queries ask something else now.
@@ -132,8 +126,6 @@ begin
   where m.query_id = any (p_query_ids) and m.key = any (v_changed) and m.map_id = n.map_id;
   perform semap.record_pair_changes(semap.settle_pairs(p_query_ids, v_changed, null, null, 'map'));
 end $$;
-comment on function semap.refresh_pairs is
-  'Bring the members of these queries in line, and compare again whoever is not what it was.';
 
 -- Bring pairs in line with these instances, which were added, edited or removed.
 create or replace function semap.refresh_pairs_of(p_instance_ids bigint[]) returns void
@@ -152,8 +144,6 @@ begin
         union
         select m.query_id from semap.pair_member m where m.key = any (v_keys)) concerned;
 end $$;
-comment on function semap.refresh_pairs_of is
-  'Bring pairs in line with these instances, which were added, edited or removed.';
 
 -- Bring pairs in line with these tracks, which are described in another way now.
 create or replace function semap.redescribe_tracks(p_track_ids bigint[]) returns void
@@ -176,8 +166,6 @@ begin
   perform semap.refresh_pairs(array_agg(query_id), p_track_ids)
   from semap.continuous_query where map_id = any (v_map_ids) and in_pairs and enabled;
 end $$;
-comment on function semap.redescribe_tracks is
-  'Bring pairs in line with these tracks, which are described in another way now.';
 
 -- Part tracks that ended, each at the end that it has now, from all that they are paired with, where their pairs were followed
 -- up to that end; an end that is further on is met there.
@@ -200,5 +188,3 @@ begin
     perform semap.let_tracks_go(v_moment.track_ids, v_moment.stamp, 'disappeared');
   end loop;
 end $$;
-comment on function semap.part_ended is
-  'Part tracks that ended, each at the end that it has now, from all that they are paired with.';

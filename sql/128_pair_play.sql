@@ -51,8 +51,6 @@ begin
     cross join lateral unnest(g.arrivals) a
     where (a).stamp > p_from or (a).stamp = (select max(stamp) from unnest(g.arrivals) where stamp <= p_from));
 end $$;
-comment on function semap.states_to_play is
-  'What these tracks were at a moment, and what they did from there on up to another one.';
 
 -- What held at a moment between any two of these things, by the log.
 create or replace function semap.pairs_held_at(p_query_ids integer[], p_track_ids bigint[], p_at timestamptz)
@@ -69,8 +67,6 @@ language sql stable as $$
   where (k.subject_key < 0 or k.subject_key = any (p_track_ids)) and (k.object_key < 0 or k.object_key = any (p_track_ids))
   group by h.query_id, k.subject_key, k.object_key
 $$;
-comment on function semap.pairs_held_at is
-  'What held at a moment between any two of these things, by the log.';
 
 -- Play the pairs of a map from a moment on, at which what is given held, and tell what changed and which pairs there are at
 -- the end. Nothing of it stays.
@@ -119,8 +115,6 @@ begin
     null;
   end;
 end $$;
-comment on function semap.play_pairs is
-  'Play the pairs of a map from a moment on, and tell what changed and which pairs there are at the end. Nothing of it stays.';
 
 -- What a change says of a pair, whoever was called what.
 create or replace function semap.change_said(p_change semap.relation_change) returns semap.pair_change
@@ -130,8 +124,6 @@ language sql immutable parallel safe as $$
              (p_change).stamp, (p_change).edge_at, (p_change).since, (p_change).x_m, (p_change).y_m,
              (p_change).direction)::semap.pair_change
 $$;
-comment on function semap.change_said is
-  'What a change says of a pair, whoever was called what.';
 
 -- Which pairs are remembered in two ways, since when they hold aside.
 create or replace function semap.differing_pairs(p_pairs semap.pair[], p_others semap.pair[])
@@ -144,5 +136,3 @@ language sql immutable parallel safe as $$
   where (p.held, p.inside, case when p.inside <> p.held then p.inside_at end, p.distance_m, p.distance_at)
      is distinct from (o.held, o.inside, case when o.inside <> o.held then o.inside_at end, o.distance_m, o.distance_at)
 $$;
-comment on function semap.differing_pairs is
-  'Which pairs are remembered in two ways, since when they hold aside.';

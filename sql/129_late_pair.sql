@@ -36,8 +36,6 @@ begin
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
   from unnest(v_changes) where kind = 'ended' order by edge_at, change_id;
 end $$;
-comment on function semap.add_pair_changes is
-  'Add changes of pairs, in their order, and the spans that they end.';
 
 -- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it, got the
 -- form that it has; tracks that came to be known later are corrected from their beginning on.
@@ -53,8 +51,6 @@ language sql stable as $$
                or exists (select from semap.continuous_query q where q.query_id = p_query_id and q.predicate = 'nearest'))) f
   where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end, case when p_object_key > 0 then p_object_key end)
 $$;
-comment on function semap.pair_formed is
-  'Since when a pair can be corrected.';
 
 -- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play differs
 -- from one without the late states (p_without), the first of which is of p_late_from. What the log says of a pair, and what the
@@ -185,8 +181,6 @@ begin
   from unnest(p_pairs) p
   join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
 end $$;
-comment on function semap.write_pair_amendments is
-  'Write in what the log differs from a play of it, of the pairs in which that play differs from one without the late states.';
 
 -- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest, or for
 -- whoever is faced however far away; else those that come near enough. Null where that is too much to look through.
@@ -238,8 +232,6 @@ begin
     where s.x_m between b.x_min_m - b.reach_m - s.size_m and b.x_max_m + b.reach_m + s.size_m
       and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
 end $$;
-comment on function semap.tracks_to_play is
-  'Which tracks may come into a pair with these between two moments.';
 
 -- What is played after states that came late, of these tracks at these stamps, for queries that take so long to confirm. What
 -- a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a play begins four
@@ -290,8 +282,6 @@ begin
                                            p_ids || p_not_yet_ids, p_stamps || p_not_yet_stamps);
   end if;
 end $$;
-comment on function semap.prepare_play is
-  'What is played after states that came late.';
 
 -- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to play, else
 -- fewer; and where one state alone is too much, without the queries that take longest to confirm. A play goes on until it
@@ -350,5 +340,3 @@ begin
     v_amended := v_query_ids;
   end loop;
 end $$;
-comment on function semap.amend_pairs is
-  'Correct what is known of the pairs of a map after states that came late.';

@@ -13,8 +13,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.track_inserted is
-  'A new track is known at once and has a present as soon as its first state arrives.';
 
 create or replace trigger track_inserted after insert on semap.track
   referencing new table as new_track for each statement execute function semap.track_inserted();
@@ -61,8 +59,6 @@ begin
   group by source_id order by source_id;
   return null;
 end $$;
-comment on function semap.track_updated is
-  'A track that ended leaves every region it was in, at its end.';
 
 create or replace trigger track_updated after update on semap.track
   referencing old table as old_track new table as new_track
@@ -90,8 +86,6 @@ begin
   end if;
   return old;
 end $$;
-comment on function semap.track_leaves is
-  'A track that is deleted leaves every region it is in.';
 
 create or replace trigger track_leaves before delete on semap.track
   for each row execute function semap.track_leaves();
@@ -114,8 +108,6 @@ begin
   delete from semap.track_now where track_id in (select track_id from old_track);
   return null;
 end $$;
-comment on function semap.track_deleted is
-  'With a track go its states and what they changed; a track of the same name starts anew.';
 
 create or replace trigger track_deleted after delete on semap.track
   referencing old table as old_track for each statement execute function semap.track_deleted();

@@ -2,15 +2,13 @@
 -- last one is set aside: it moves nothing. If the next state fits to it rather than to what was before, the track did
 -- jump, and is there from that state on; if not, it was an outlier, and is counted.
 
--- Whether one place can follow on another.
+-- Whether one place can follow on another, some time later.
 create or replace function semap.can_follow(
   p_source semap.source, p_gap interval, p_dx_m double precision, p_dy_m double precision
 ) returns boolean
 language sql immutable parallel safe as $$
   select sqrt(p_dx_m ^ 2 + p_dy_m ^ 2) <= (p_source).jump_m + (p_source).jump_mps * extract(epoch from p_gap)
 $$;
-comment on function semap.can_follow is
-  'Whether one place can follow on another, some time later.';
 
 -- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it was
 -- may be known only to within its calm.
@@ -24,8 +22,6 @@ begin
       from unnest(p_arrivals) window one_track as (partition by track_id order by stamp)) step
     where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2);
 end $$;
-comment on function semap.any_far_step is
-  'Whether the gate has to look at these states, since a step of a track is more than half as long as a jump.';
 
 -- Keep with a track what was set aside of it, or that nothing is. It is looked up at its next state.
 create or replace function semap.set_aside(p_track_id bigint, p_state semap.arrival) returns void
@@ -35,10 +31,8 @@ language sql as $$
       calm_until = case when (p_state).stamp is null then 'infinity' else '-infinity' end::timestamptz
   where track_id = p_track_id and (outlier_stamp is not null or (p_state).stamp is not null)
 $$;
-comment on function semap.set_aside is
-  'Keep with a track what was set aside of it, or that nothing is.';
 
--- Lead states through the gate, and write nothing: those that pass, what is set aside at the end of each track (a stamp
+-- Lead states through the gate for outliers, and write nothing: those that pass, what is set aside at the end of each track (a stamp
 -- that is null: nothing), and how many were outliers. A track whose last state does not pass ends where it was.
 -- p_asides: what was set aside of tracks before.
 create or replace function semap.gate(
@@ -97,10 +91,8 @@ begin
   v_aside.track_id := v_before.track_id;
   asides := asides || v_aside;
 end $$;
-comment on function semap.gate is
-  'Lead states through the gate for outliers, and write nothing.';
 
--- The states of these that pass the gate. What is set aside is kept with its track, which is looked up at its next state.
+-- The states of these that pass the gate for outliers. What is set aside is kept with its track, which is looked up at its next state.
 create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
 language plpgsql as $$
 declare
@@ -117,5 +109,3 @@ begin
   end if;
   return v_gate.passed;
 end $$;
-comment on function semap.gated is
-  'The states of these that pass the gate for outliers.';

@@ -34,8 +34,6 @@ language sql immutable parallel safe as $$
                 else public.st_distance(public.st_boundary(p_region.footprint), b.point) end as depth_m,
            (p_region.enter_stds is not null and p_std_m > p_region.widest_std_m) is true as is_vague offset 0) d
 $$;
-comment on function semap.stands is
-  'Where a point stands to a region: inside of its boundary, deep enough to enter, far enough outside to leave.';
 
 -- Where a straight way from one place to another meets the boundaries of a region: parts of the way in [0, 1), ascending,
 -- from each of which on to the next it stays on one side of all of them. Nothing where it meets none.
@@ -68,8 +66,6 @@ begin
   end if;
   return array(select distinct part from unnest(0.0::double precision || v_parts) part where part < 1 order by part);
 end $$;
-comment on function semap.parts_of_way is
-  'Where a straight way from one place to another meets the boundaries of a region, as parts of the way in [0, 1).';
 
 -- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into the
 -- box of, is in, or is on the verge of.
@@ -104,8 +100,6 @@ begin
     cross join lateral (select c.region_id = any (t.careful_ids) as held) h
     left join semap.verge v on v.track_id = c.track_id and v.region_id = c.region_id);
 end $$;
-comment on function semap.verges_of is
-  'What is kept of these tracks beside each careful region that their states may concern.';
 
 -- Each step of these tracks beside each of these regions: the parts of the way to each state, where the region asks for
 -- them and they are neither too long nor too fast, and (part null) the state itself. What is kept of a track beside a
@@ -149,8 +143,6 @@ language sql stable as $$
   where r.subject is null
      or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
 $$;
-comment on function semap.steps is
-  'Each step of these tracks beside each of these regions.';
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
@@ -162,8 +154,6 @@ begin
                               else (p_verge).inside_at end,
              (p_verge).x_m, (p_verge).y_m)::semap.crossing;
 end $$;
-comment on function semap.verge_crossing is
-  'What a relation that changed says: the moment and the place at which the boundary was crossed.';
 
 -- Keep where tracks stand to regions after these steps, in the tables: verges where they are between, the regions they
 -- are in, and when one of their verges is due, if nothing else happens.
@@ -192,8 +182,6 @@ begin
     group by v.track_id) n using (track_id)
   where t.track_id = k.track_id;
 end $$;
-comment on function semap.keep_verges is
-  'Keep where tracks stand to regions: verges where they are between, the regions they are in, and when they are due.';
 
 -- Follow tracks through these states beside these regions: what of them is to be kept then, and what began and ended. It
 -- writes nothing.
@@ -314,8 +302,6 @@ begin
     end if;
   end if;
 end $$;
-comment on function semap.follow_steps is
-  'Follow tracks through these states beside these regions, and write nothing.';
 
 -- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.
 create or replace function semap.follow_carefully(p_arrivals semap.arrival[]) returns semap.crossing[]
@@ -332,5 +318,3 @@ begin
   perform semap.keep_verges(v_verges, array(select distinct track_id from unnest(p_arrivals)));
   return v_crossings;
 end $$;
-comment on function semap.follow_carefully is
-  'Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.';

@@ -9,8 +9,6 @@ language sql immutable parallel safe as $$
              (p_now).stamp, (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp,
              (p_state).std_across_m, (p_state).std_yaw_rad)::semap.arrival
 $$;
-comment on function semap.arrival_of is
-  'A state with what was known of its track before it.';
 
 -- Refuse a batch that holds states of unknown tracks, or of several sources.
 create or replace function semap.refuse_strange(p_source_id integer, p_arrivals semap.arrival[]) returns void
@@ -26,8 +24,6 @@ begin
   raise exception 'The states of one statement come from more than one source.'
     using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';
 end $$;
-comment on function semap.refuse_strange is
-  'Refuse a batch that holds states of unknown tracks, or of several sources.';
 
 -- Bring tracks to where these states say, and give what began and ended by it with plain regions, at the stamp of the
 -- first state that shows it. The states of one track come in any order, none of them late.
@@ -76,5 +72,3 @@ begin
   into v_crossings from crossed;
   return v_crossings;
 end $$;
-comment on function semap.move_tracks is
-  'Bring tracks to where these states say, and give what began and ended by it with plain regions.';

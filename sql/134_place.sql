@@ -103,5 +103,3 @@ create or replace view semap.track_place with (security_barrier) as
     select (u.s).stamp, (u.s).x_m, (u.s).y_m, (u.s).z_m, (u.s).std_m, (u.s).std_across_m, (u.s).std_yaw_rad,
            (u.s).heading_rad, (u.s).speed_mps, (u.s).length_m, (u.s).width_m where (u.s).track_id is not null) p
   where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);
-comment on view semap.track_place is
-  'Where tracks are, each at its newest position; restricted roles see their own maps.';

@@ -58,8 +58,6 @@ begin
                           where n.track_id = t.track_id and r.careful order by n.region_id)
   where t.track_id in (select track_id from unnest(v_lost || v_gained));
 end $$;
-comment on function semap.rechoose_tracks is
-  'Bring what regions keep of these tracks in line with which queries are about them now.';
 
 -- A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.
 create or replace function semap.track_described() returns trigger
@@ -75,8 +73,6 @@ begin
   perform semap.rechoose_tracks(v_track_ids);
   return null;
 end $$;
-comment on function semap.track_described is
-  'A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.';
 
 create or replace trigger track_described after update on semap.track
   referencing old table as old_track new table as new_track
@@ -92,8 +88,6 @@ begin
   perform semap.rechoose_tracks(v_track_ids);
   return null;
 end $$;
-comment on function semap.source_renamed is
-  'A source got another name: queries may ask for tracks by it.';
 
 create or replace trigger source_renamed after update of name on semap.source
   for each row when (old.name <> new.name) execute function semap.source_renamed();
@@ -108,8 +102,6 @@ begin
     and exists (select from semap.continuous_query q where q.map_id = t.map_id and q.subject_concept_id is not null);
   return null;
 end $$;
-comment on function semap.tracks_of_concepts_moved is
-  'A concept moved in the taxonomy: queries of a concept above it are about its tracks, or no longer.';
 
 create or replace trigger concept_moved_tracks after insert or update or delete on semap.concept_parent
   for each statement execute function semap.tracks_of_concepts_moved();

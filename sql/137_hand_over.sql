@@ -2,8 +2,8 @@
 -- known to be the same. From then on the other source alone writes its states. Its relations hold meanwhile, since
 -- nothing is known to have ended.
 
--- A track that goes on at another source. Its states up to then get chunks of their own, since nobody looks for them among those
--- of another source than its own. Which queries are about it now is said after this (semap.track_described).
+-- A track that goes on at another source. Its states up to then get chunks of their own, since nobody looks for them
+-- among those of another source than its own. Which queries are about it now is said after this (semap.track_described).
 create or replace function semap.track_handed_over() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -18,8 +18,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.track_handed_over is
-  'A track that goes on at another source.';
 
 create or replace trigger track_handed_over after update on semap.track
   for each row when ((new.source_id, new.map_id) is distinct from (old.source_id, old.map_id))
@@ -47,5 +45,3 @@ begin
   update semap.track set source_id = p_source_id where track_id = any (p_track_ids) and source_id <> p_source_id;
   perform set_config('semap.source_is_held', 'off', true);
 end $$;
-comment on function semap.hand_over_tracks is
-  'Hand tracks to another source of their map, in a transaction of its own.';

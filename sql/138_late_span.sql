@@ -9,8 +9,6 @@ language sql stable as $$
     and c.amendment is distinct from 'retracted'
     and not exists (select from semap.relation_change d where d.retracts = c.uid)
 $$;
-comment on function semap.standing_changes_of_track is
-  'The changes of a track between two moments, the first not included, that were not taken back.';
 
 -- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).
 -- A boundary that was crossed at that very moment may have been known then, or only at a later state.
@@ -29,8 +27,6 @@ language sql stable as $$
       where c.query_id = h.query_id and c.instance_id = h.instance_id and c.edge_at = p_at) end as kinds) k
   where (h.since < p_at or 'began' = any (k.kinds)) and (h.until > p_at or h.until is null or 'ended' <> all (k.kinds))
 $$;
-comment on function semap.held_at is
-  'The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).';
 
 -- The regions that these states of a track may concern, and what is known of it beside each before them: that it was in
 -- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in side_at.
@@ -82,8 +78,6 @@ begin
       where f.formed_stamp >= s.first_stamp and c.query_id = f.query_id and c.instance_id = f.instance_id
         and c.edge_at <= f.formed_stamp));
 end $$;
-comment on function semap.verges_before is
-  'The regions that these states of a track may concern, and what is known of it beside each before them.';
 
 -- What these states of a track are, in the order of their stamps: with where it was said to have ended, and without what does
 -- not pass the gate for outliers; its present passes. p_is_first: there is no state before them. Further, from which stamp
@@ -129,5 +123,3 @@ begin
       order by (a).stamp, place) passed;
   end if;
 end $$;
-comment on function semap.arrivals_again is
-  'What these states of a track are, in the order of their stamps: with its ends and without outliers.';

@@ -28,8 +28,6 @@ language sql as $$
          since, x_m, y_m, direction, edge, door_id, door_name, 'retracted', uid
   from semap.relation_change where uid = any (p_uids) order by stamp, edge_at, change_id
 $$;
-comment on function semap.take_back is
-  'Take changes back: they get a change each that says so, and the spans that they ended are gone.';
 
 -- Who has these identities gives them away: what was taken back, and what says so, get others.
 create or replace function semap.free_uids(p_uids uuid[]) returns void
@@ -42,8 +40,6 @@ begin
     update semap.relation_change c set uid = md5(c.uid || '|' || c.change_id)::uuid where c.uid = any (p_uids);
   end if;
 end $$;
-comment on function semap.free_uids is
-  'Who has these identities gives them away: what was taken back, and what says so, get others.';
 
 -- Add changes of relations of a track, in their order, and the spans that they end. One that was taken back, and stands
 -- again, has the identity that it had: what was taken back, and its retraction, get others.
@@ -83,8 +79,6 @@ begin
          stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'added'
   from told order by stamp, edge_at, cause = 'disappeared', kind desc, instance_uid, place;
 end $$;
-comment on function semap.add_changes is
-  'Add changes of relations of a track, in their order, and the spans that they end.';
 
 -- Keep how a track stands to these regions at its present, after its history was corrected.
 create or replace function semap.keep_present(p_now semap.track_now, p_verges semap.verge[]) returns void
@@ -103,8 +97,6 @@ begin
         where v.track_id = t.track_id and v.held <> v.inside), 'infinity') else '-infinity' end
   where t.track_id = (p_now).track_id;
 end $$;
-comment on function semap.keep_present is
-  'Keep how a track stands to these regions at its present, after its history was corrected.';
 
 -- Write in what the log of a track differs from these crossings, in these spans of its relations: changes that are taken
 -- back, and changes that are added. What a region was said to be in a span, and what it is said to be now, have to agree on
@@ -190,8 +182,6 @@ begin
   from unnest(v_held) h join semap.region r using (region_id) where h.kind = 'began'
   on conflict (track_id, region_id) do update set since = excluded.since where n.since <> excluded.since;
 end $$;
-comment on function semap.write_amendments is
-  'Write in what the log of a track differs from these crossings, in these spans of its relations.';
 
 -- Correct what is known of a track after states of it that came late, at these stamps, ascending.
 create or replace function semap.amend_track(p_source semap.source, p_now semap.track_now, p_late timestamptz[]) returns void
@@ -263,8 +253,6 @@ begin
     v_late := array(select late from unnest(v_late) late where late > v_late_to order by late);
   end loop;
 end $$;
-comment on function semap.amend_track is
-  'Correct what is known of a track after states of it that came late.';
 
 -- Count states that came late, and correct what is known of their tracks.
 create or replace function semap.take_late(p_source semap.source, p_late semap.arrival[]) returns void
@@ -284,5 +272,3 @@ begin
     perform semap.amend_track(p_source, v_track.now, v_track.stamps);
   end loop;
 end $$;
-comment on function semap.take_late is
-  'Count states that came late, and correct what is known of their tracks.';

@@ -30,5 +30,3 @@ begin
     end loop;
   end loop;
 end $$;
-comment on function semap.ensure_partitions is
-  'Make the partitions of state_chunk and line_observation for these days (UTC) ahead of their rows.';

@@ -10,8 +10,6 @@ language sql stable as $$
   select date_trunc('day', (clock_timestamp() - drop_after) at time zone 'UTC') at time zone 'UTC'
   from semap.retention where kind = p_kind
 $$;
-comment on function semap.kept_since is
-  'The start of the oldest day of a kind that is kept; null where all is kept.';
 
 -- The partitions of state_chunk and line_observation that are of one day, with when they were made.
 create or replace function semap.day_partitions()
@@ -25,8 +23,6 @@ language sql stable set search_path = pg_catalog, pg_temp as $$
   where p.oid in ('semap.state_chunk'::regclass, 'semap.line_observation'::regclass)
     and c.relname ~ ('^' || p.relname || '_[0-9]{8}$')
 $$;
-comment on function semap.day_partitions is
-  'The partitions of state_chunk and line_observation that are of one day, with when they were made.';
 
 -- Note that what is older than a moment has been dropped.
 create or replace function semap.note_gone(p_kind text, p_before timestamptz) returns void
@@ -34,8 +30,6 @@ language sql as $$
   update semap.retention set gone_before = p_before
   where kind = p_kind and coalesce(gone_before, '-infinity') < p_before
 $$;
-comment on function semap.note_gone is
-  'Note that what is older than a moment has been dropped.';
 
 -- Drop the partition of a day that is past: one without rows that was not made just now, or one that is not to be kept.
 -- Says whether it did. Who writes to that very day waits while it is looked at.
@@ -63,11 +57,9 @@ begin
   end if;
   return not v_is_used;
 end $$;
-comment on function semap.drop_day is
-  'Drop the partition of a day that is past, where it has no rows or is not to be kept.';
 
 -- Delete at most so many rows of a kind that are not to be kept, and say how many there were; of states and lines those
--- that lie in no partition of their day, chunks each of which counts as one row. Changes that rules may not
+-- that lie in no partition of their day, and packed ones, each of which counts as one row. Changes that rules may not
 -- have read for good stay: the worker gives those of its last minutes to the rules again where its slot was lost.
 create or replace function semap.drop_rows(p_kind text, p_most integer) returns bigint
 language plpgsql security definer
@@ -112,5 +104,3 @@ begin
   end if;
   return v_rows;
 end $$;
-comment on function semap.drop_rows is
-  'Delete at most so many rows of a kind that are not to be kept, and say how many there were.';

@@ -16,8 +16,6 @@ language sql stable as $$
        and exists (select from semap.track t where t.source_id = s.source_id)),
     (select max(semap.complete_through(s)) from semap.source s where s.map_id = p_map_id), '-infinity')
 $$;
-comment on function semap.map_complete_through is
-  'Up to where all states of a map have come, by its sources that follow tracks.';
 
 -- The last state of a track at or before a moment that passes the gate for outliers.
 create or replace function semap.passed_state(p_now semap.track_now, p_at timestamptz) returns semap.track_state
@@ -36,8 +34,6 @@ begin
   return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last, v_last.heading_rad,
              v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m, v_last.std_yaw_rad)::semap.track_state;
 end $$;
-comment on function semap.passed_state is
-  'The last state of a track at or before a moment that passes the gate for outliers.';
 
 -- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
 create or replace function semap.tracks_at(p_map_id integer, p_at timestamptz, p_track_ids bigint[] default null)
@@ -53,8 +49,6 @@ language sql stable as $$
     and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
     and (p_track_ids is null or n.track_id = any (p_track_ids))
 $$;
-comment on function semap.tracks_at is
-  'The tracks of a map, of these or of all, that lived at a moment, each where it was.';
 
 -- Those at the moment up to which the pairs of the map are followed.
 create or replace function semap.tracks_followed(p_map_id integer, p_track_ids bigint[] default null)
@@ -63,8 +57,6 @@ language sql stable as $$
   select t.* from semap.pair_progress p cross join lateral semap.tracks_at(p_map_id, p.through, p_track_ids) t
   where p.map_id = p_map_id
 $$;
-comment on function semap.tracks_followed is
-  'Those at the moment up to which the pairs of the map are followed.';
 
 -- What the tracks of a map did after a moment, up to another one: states that pass the gate for outliers, and ends.
 create or replace function semap.states_to_follow(p_map_id integer, p_after timestamptz, p_to timestamptz)
@@ -113,8 +105,6 @@ begin
   end loop;
   return v_states;
 end $$;
-comment on function semap.states_to_follow is
-  'What the tracks of a map did after a moment, up to another one: states that pass the gate for outliers, and ends.';
 
 -- Follow the pairs of a map up to where all its states have come.
 create or replace function semap.follow_pairs(p_map_id integer) returns void
@@ -135,8 +125,6 @@ begin
     update semap.pair_progress set through = v_complete where map_id = p_map_id;
   end if;
 end $$;
-comment on function semap.follow_pairs is
-  'Follow the pairs of a map up to where all its states have come.';
 
 -- Pairs of these maps are followed from here on, where nobody followed them before.
 create or replace function semap.begin_following(p_map_ids integer[]) returns void
@@ -145,8 +133,6 @@ language sql as $$
   select id, semap.map_complete_through(id) from unnest(p_map_ids) id
   on conflict (map_id) do update set through = excluded.through where p.through < excluded.through
 $$;
-comment on function semap.begin_following is
-  'Pairs of these maps are followed from here on, where nobody followed them before.';
 
 -- A source that has come further, or is not waited for any more, may complete stamps of its map.
 create or replace function semap.source_completes() returns trigger
@@ -155,8 +141,6 @@ begin
   perform semap.follow_pairs(map_id) from semap.map where map_id = coalesce(new.map_id, old.map_id);
   return null;
 end $$;
-comment on function semap.source_completes is
-  'A source that has come further, or is not waited for any more, may complete stamps of its map.';
 
 create or replace trigger source_completes after update on semap.source
   for each row when (
@@ -190,5 +174,3 @@ begin
     perform semap.let_tracks_go(v_gone, null, 'disappeared');
   end if;
 end $$;
-comment on function semap.take_late_pairs is
-  'Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already.';

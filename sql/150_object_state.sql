@@ -9,8 +9,6 @@ create or replace function semap.object_state_uid(
 language sql stable parallel safe
 return md5(jsonb_build_array(p_map, p_source, p_instance, p_property, p_value,
                              (extract(epoch from p_stamp) * 1000000)::bigint)::text)::uuid;
-comment on function semap.object_state_uid is
-  'The identity of an object''s state: a function of what was seen, so that a replay gives the same one.';
 
 create or replace trigger object_states_arrive before insert on semap.object_state
   for each statement execute function semap.keep_regions();
@@ -34,8 +32,6 @@ language sql stable parallel safe rows 1 as $$
   where p.instance_id = p_instance_id and p.property = p_property and p.stamp < p_stamp
   order by p.stamp desc, p.uid desc limit 1
 $$;
-comment on function semap.object_state_before is
-  'What an object was before a state, and since when, of all states that are there.';
 
 -- Fill in what follows: identity, map, names, and the state before it as it is known now, with when that began.
 create or replace function semap.object_state_arrives() returns trigger
@@ -70,8 +66,6 @@ begin
   from semap.object_state_before(new.instance_id, new.property, new.stamp, new.value) b;
   return new;
 end $$;
-comment on function semap.object_state_arrives is
-  'Fill in what follows: identity, map, names, and the state before it as it is known now, with when that began.';
 
 create or replace trigger object_state_arrives before insert on semap.object_state
   for each row execute function semap.object_state_arrives();
@@ -95,8 +89,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.object_states_arrived is
-  'Refuse a statement with states of several sources, since two of them could wait for one another, and count the others.';
 
 create or replace trigger object_states_arrived after insert on semap.object_state
   referencing new table as new_state for each statement execute function semap.object_states_arrived();

@@ -16,8 +16,6 @@ language sql immutable parallel safe rows 9 as $$
          ('rests_within_deg', 0.1, 20, 3),
          ('rests_for_s', 0.05, 60, 0.4)
 $$;
-comment on function semap.leaf_numbers is
-  'What a leaf may say beside hinge and at, its limits, and what holds where it does not.';
 
 -- The leaf of a door as a mapping, also where only its side is told; null where there is none.
 create or replace function semap.leaf_declared(p_attributes jsonb) returns jsonb
@@ -27,16 +25,12 @@ language sql immutable parallel safe as $$
            when 'string' then jsonb_build_object('hinge', p_attributes -> 'leaf')
            else p_attributes -> 'leaf' end
 $$;
-comment on function semap.leaf_declared is
-  'The leaf of a door as a mapping, also where only its side is told; null where there is none.';
 
 -- A number that a leaf says, or what holds where it says none.
 create or replace function semap.leaf_number(p_leaf jsonb, p_key text) returns double precision
 language sql immutable parallel safe as $$
   select coalesce((p_leaf ->> p_key)::double precision, n.otherwise) from semap.leaf_numbers() n where n.key = p_key
 $$;
-comment on function semap.leaf_number is
-  'A number that a leaf says, or what holds where it says none.';
 
 -- What is wrong with a leaf; null where it is right.
 create or replace function semap.leaf_fault(p_leaf jsonb) returns text
@@ -63,7 +57,8 @@ begin
   limit 1;
   if v_fault is not null then
     return v_fault;
-  elsif p_leaf ? 'at' and not (jsonb_path_match(p_leaf, '$.at.type() == "array" && $.at.size() == 2') and jsonb_path_match(
+  elsif p_leaf ? 'at' and not (
+          jsonb_path_match(p_leaf, '$.at.type() == "array" && $.at.size() == 2') and jsonb_path_match(
           p_leaf, '!exists ($.at[*] ? (@.type() != "number" || @ > 100 || @ < -100))')) then
     return 'its at is no point [x, y] within 100 m';
   elsif semap.leaf_number(p_leaf, 'closed_below_deg') >= semap.leaf_number(p_leaf, 'opening_above_deg')
@@ -72,8 +67,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.leaf_fault is
-  'What is wrong with a leaf; null where it is right.';
 
 -- The range of motion of a leaf: the sector that it sweeps around its hinge, from a little before closed to a little
 -- beyond its largest angle, with a margin around for the thickness of the leaf and for what a map and a laser err.
@@ -94,12 +87,10 @@ language sql immutable parallel safe as $$
     p_margin_m, 'quad_segs=4')
   from (select ceil(degrees(p_max_rad) / 5)::integer as steps) s
 $$;
-comment on function semap.range_of_motion is
-  'The range of motion of a leaf: the sector that it sweeps around its hinge, with a margin around.';
 
--- The leaves of these doors as they should be. A door has a width of its own, or that of its shape, whose middle is then
--- the middle of the doorway. Its heights are those of its shape, or begin where it stands. A door that is tilted, is
--- nowhere, or has no width has no leaf; nor has what became a door while something else was said of its leaf.
+-- The leaves of these doors as they should be. A door has a width of its own, or that of its shape, whose middle is
+-- then the middle of the doorway. Its heights are those of its shape, or begin where it stands. A door that is tilted,
+-- is nowhere, or has no width has no leaf; nor has what became a door while something else was said of its leaf.
 create or replace function semap.leaves_wanted(p_instance_ids bigint[])
 returns table (
   instance_id bigint, map_id integer, hinge_x_m double precision, hinge_y_m double precision,
@@ -112,7 +103,8 @@ returns table (
 language sql stable set search_path = public, pg_temp as $$
   with door as (
     select i.instance_id, i.map_id, i.relative_description_id, i.absolute_description_id, i.frame_id, d.leaf,
-           semap.length_said(i.attributes, 'width_m') as width_m, semap.length_said(i.attributes, 'height_m') as height_m
+           semap.length_said(i.attributes, 'width_m') as width_m,
+           semap.length_said(i.attributes, 'height_m') as height_m
     from semap.instance i,
          lateral (select case when semap.leaf_fault(l) is null then l end as leaf
                   from semap.leaf_declared(i.attributes) l offset 0) d
@@ -126,8 +118,10 @@ language sql stable set search_path = public, pg_temp as $$
   ), measured as (
     select d.instance_id, d.map_id, d.leaf, p.pose, m.width_m,
            case when d.leaf ->> 'hinge' = 'left' then 1 else -1 end as sense,
-           case when d.leaf ? 'at' then (d.leaf #>> '{at,0}')::double precision when d.width_m is null then coalesce(s.x_m, 0) else 0 end as x_m,
-           case when d.leaf ? 'at' then (d.leaf #>> '{at,1}')::double precision when d.width_m is null then coalesce(s.y_m, 0) else 0 end as y_m,
+           case when d.leaf ? 'at' then (d.leaf #>> '{at,0}')::double precision
+                when d.width_m is null then coalesce(s.x_m, 0) else 0 end as x_m,
+           case when d.leaf ? 'at' then (d.leaf #>> '{at,1}')::double precision
+                when d.width_m is null then coalesce(s.y_m, 0) else 0 end as y_m,
            coalesce(b.z_min_m, (p.pose).z_m) as z_min_m,
            coalesce(b.z_max_m, (p.pose).z_m + coalesce(d.height_m, 2)) as z_max_m
     from door d
@@ -135,14 +129,16 @@ language sql stable set search_path = public, pg_temp as $$
     left join semap.abstraction b on b.description_id = d.absolute_description_id and b.type = 'Footprint'
     left join lateral (
       select st_xmax(a.geometry) - st_xmin(a.geometry) as width_m,
-             (st_xmax(a.geometry) + st_xmin(a.geometry)) / 2 as x_m, (st_ymax(a.geometry) + st_ymin(a.geometry)) / 2 as y_m
+             (st_xmax(a.geometry) + st_xmin(a.geometry)) / 2 as x_m,
+             (st_ymax(a.geometry) + st_ymin(a.geometry)) / 2 as y_m
       from semap.abstraction a
       where a.description_id = d.relative_description_id and a.type = 'Footprint') s on true
     cross join lateral (
       select coalesce(semap.leaf_number(d.leaf, 'width_m'), d.width_m, nullif(s.width_m, 0)) as width_m) m
     where m.width_m between 0.2 and 10
   )
-  select m.instance_id, m.map_id, h.x_m, h.y_m, c.closed_rad, m.sense::smallint, m.width_m, a.max_rad, m.z_min_m, m.z_max_m,
+  select m.instance_id, m.map_id, h.x_m, h.y_m, c.closed_rad, m.sense::smallint, m.width_m, a.max_rad, m.z_min_m,
+         m.z_max_m,
          radians(semap.leaf_number(m.leaf, 'opening_above_deg')),
          least(radians(semap.leaf_number(m.leaf, 'open_from_deg')), 0.75 * a.max_rad),
          radians(semap.leaf_number(m.leaf, 'turns_by_deg')), radians(semap.leaf_number(m.leaf, 'closed_below_deg')),
@@ -154,8 +150,6 @@ language sql stable set search_path = public, pg_temp as $$
   cross join lateral (select semap.yaw(m.pose) + case when m.sense = 1 then 0 else pi() end as closed_rad) c
   cross join lateral semap.carry(m.pose, m.x_m - m.sense * m.width_m / 2, m.y_m, 0) h
 $$;
-comment on function semap.leaves_wanted is
-  'The leaves of these doors as they should be.';
 
 -- Bring the leaves of these doors in line with the map. One that is another now has its state to be seen anew.
 create or replace function semap.refresh_leaves(p_instance_ids bigint[]) returns void
@@ -174,7 +168,8 @@ begin
     insert into semap.door_leaf as l select * from wanted
     on conflict (instance_id) do update
     set map_id = excluded.map_id, hinge_x_m = excluded.hinge_x_m, hinge_y_m = excluded.hinge_y_m,
-        closed_rad = excluded.closed_rad, sense = excluded.sense, width_m = excluded.width_m, max_rad = excluded.max_rad,
+        closed_rad = excluded.closed_rad, sense = excluded.sense, width_m = excluded.width_m,
+        max_rad = excluded.max_rad,
         z_min_m = excluded.z_min_m, z_max_m = excluded.z_max_m,
         opening_above_rad = excluded.opening_above_rad, open_from_rad = excluded.open_from_rad,
         turns_by_rad = excluded.turns_by_rad, closed_below_rad = excluded.closed_below_rad,
@@ -188,8 +183,6 @@ begin
   set state = null, since = null, angle_rad = null, angle_std_rad = null,
       extreme_rad = null, rest_rad = null, rest_since = null, doubt = null;
 end $$;
-comment on function semap.refresh_leaves is
-  'Bring the leaves of these doors in line with the map.';
 
 -- Doors with a leaf were added or changed. What a leaf says must be right.
 create or replace function semap.door_changed() returns trigger
@@ -210,8 +203,6 @@ begin
   where n.attributes ? 'leaf' or exists (select from semap.door_leaf l where l.instance_id = n.instance_id);
   return null;
 end $$;
-comment on function semap.door_changed is
-  'Doors with a leaf were added or changed. What a leaf says must be right.';
 
 create or replace trigger door_inserted after insert on semap.instance
   referencing new table as new_row for each statement execute function semap.door_changed();
@@ -233,8 +224,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.door_moved is
-  'A frame moved: so did the doors on it.';
 
 create or replace trigger door_moved_updated after update on semap.frame
   referencing new table as new_row for each statement execute function semap.door_moved();
@@ -251,15 +240,15 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   if tg_op = 'DELETE' then
     perform semap.refresh_leaves(array_agg(i.instance_id)) from semap.instance i
-    where i.attributes ? 'leaf' and i.absolute_description_id in (select description_id from old_row where type = 'Footprint');
+    where i.attributes ? 'leaf' and i.absolute_description_id in (select description_id from old_row
+                                                                  where type = 'Footprint');
   else
     perform semap.refresh_leaves(array_agg(i.instance_id)) from semap.instance i
-    where i.attributes ? 'leaf' and i.absolute_description_id in (select description_id from new_row where type = 'Footprint');
+    where i.attributes ? 'leaf' and i.absolute_description_id in (select description_id from new_row
+                                                                  where type = 'Footprint');
   end if;
   return null;
 end $$;
-comment on function semap.door_reshaped is
-  'A door looks different now: its leaf may have another width, or other heights.';
 
 create or replace trigger door_reshaped_inserted after insert on semap.abstraction
   referencing new table as new_row for each statement execute function semap.door_reshaped();
@@ -275,8 +264,6 @@ begin
   perform semap.refresh_leaves(array_agg(instance_id)) from semap.instance where attributes ? 'leaf';
   return null;
 end $$;
-comment on function semap.doors_reconsidered is
-  'What is a door may be others now.';
 
 create or replace trigger doors_reconsidered after update of name on semap.concept
   for each statement execute function semap.doors_reconsidered();

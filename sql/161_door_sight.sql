@@ -1,11 +1,11 @@
--- A line that a source saw may be the leaf of a door. It is, where it lies in the leaf's range of motion, shows enough of
--- the leaf, and points at its hinge as exactly as both are known. What else lies there does not: legs are short, and the
--- faces of walls, jambs and furniture miss the hinge or reach out of the range.
+-- A line that a source saw may be the leaf of a door. It is, where it lies in the leaf's range of motion, shows enough
+-- of the leaf, and points at its hinge as exactly as both are known. What else lies there does not: legs are short, and
+-- the faces of walls, jambs and furniture miss the hinge or reach out of the range.
 
 -- The leaves that a line may be, each with the angle to its closed reference. A height that is not known fits any door.
--- The hinge is known to 3 cm, and a leaf is seen at its face: lines that miss it by more than three standard deviations,
--- or by 15 cm, are something else. A line whose direction is not known to 2 degrees says nothing: it is what is left of
--- a leaf behind somebody's legs, or the legs.
+-- The hinge is known to 3 cm, and a leaf is seen at its face: lines that miss it by more than three standard
+-- deviations, or by 15 cm, are something else. A line whose direction is not known to 2 degrees says nothing: it is
+-- what is left of a leaf behind somebody's legs, or the legs.
 create or replace function semap.leaves_seen(
   p_map_id integer, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision,
   p_z_m double precision, p_angle_std_rad double precision, p_offset_std_m double precision
@@ -47,5 +47,3 @@ language sql stable parallel safe rows 1 as $$
     and t.aside_m ^ 2 <= 9 * (p_offset_std_m ^ 2 + (t.along_m * p_angle_std_rad) ^ 2 + 0.03 ^ 2)
     and t.angle_rad between radians(-15) and t.max_rad + radians(15)
 $$;
-comment on function semap.leaves_seen is
-  'The leaves that a line may be, each with the angle to its closed reference.';

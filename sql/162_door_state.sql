@@ -1,4 +1,5 @@
--- How a door stands follows from the angles at which its leaf is seen, in the order of their stamps, by a state machine:
+-- How a door stands follows from the angles at which its leaf is seen, in the order of their stamps, by a state
+-- machine:
 --
 --   closed   -> opening   above opening_above
 --   opening  -> open      from open_from on, or where the leaf rests
@@ -8,12 +9,12 @@
 --   closing  -> opening   rose by turns_by above the smallest angle
 --   closing  -> open      where the leaf rests above opening_above
 --
--- A change wants two observations in a row that are beyond its threshold by a standard deviation, or one that is by three
--- and could have been reached at 200 degrees a second from the one before, at most 0.15 s ago: so neither noise nor what
--- looks like a leaf once makes one. It has the stamp of the observation that shows it. The leaf rests where it has not
--- gone from an angle by rests_within, or by three standard deviations, for rests_for. The first observation gives the
--- first state. A door that is not seen keeps its state. There is no clock: the same observations give the same states,
--- cut into any batches between scans.
+-- A change wants two observations in a row that are beyond its threshold by a standard deviation, or one that is by
+-- three and could have been reached at 200 degrees a second from the one before, at most 0.15 s ago: so neither noise
+-- nor what looks like a leaf once makes one. It has the stamp of the observation that shows it. The leaf rests where it
+-- has not gone from an angle by rests_within, or by three standard deviations, for rests_for. The first observation
+-- gives the first state. A door that is not seen keeps its state. There is no clock: the same observations give the
+-- same states, cut into any batches between scans.
 
 -- The state that an angle asks for beside the present one, with how far beyond its threshold it is; null where none.
 create or replace function semap.door_next(
@@ -35,8 +36,6 @@ begin
     beyond_rad := p_angle_rad - p_now.extreme_rad - p_leaf.turns_by_rad;
   end if;
 end $$;
-comment on function semap.door_next is
-  'The state that an angle asks for beside the present one, with how far beyond its threshold it is.';
 
 -- One observation of a leaf: the door as it stands after it.
 create or replace function semap.door_step(
@@ -97,20 +96,16 @@ begin
   v_now.angle_std_rad := p_std_rad;
   return v_now;
 end $$;
-comment on function semap.door_step is
-  'One observation of a leaf: the door as it stands after it.';
 
+-- The door as it stands after each of its observations, from how it stood before them.
 create or replace aggregate semap.door_course(
-  p_before semap.door_now, p_leaf semap.door_leaf, p_stamp timestamptz, p_angle_rad double precision, p_std_rad double precision
+  p_before semap.door_now, p_leaf semap.door_leaf, p_stamp timestamptz, p_angle_rad double precision,
+  p_std_rad double precision
 ) (sfunc = semap.door_step, stype = semap.door_now, parallel = safe);
-comment on aggregate semap.door_course(semap.door_now, semap.door_leaf, timestamptz, double precision, double precision) is
-  'The door as it stands after each of its observations, from how it stood before them.';
 
 -- Let one writer at a time touch the doors of a map, until the transaction ends: several sources may see one door.
 create or replace function semap.hold_doors(p_map_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7367, p_map_id) $$;
-comment on function semap.hold_doors is
-  'Let one writer at a time touch the doors of a map, until the transaction ends.';
 
 -- Write what changed, as states of objects, in the order in which it was seen.
 create or replace function semap.record_doors(p_source_id integer, p_doors semap.door_now[]) returns void
@@ -123,8 +118,6 @@ language sql as $$
   order by d.stamp, d.instance_id
   on conflict (uid) do nothing
 $$;
-comment on function semap.record_doors is
-  'Write what changed, as states of objects, in the order in which it was seen.';
 
 -- New lines move the doors whose leaves they are. Of several that may be one leaf in one scan, the longest is. Lines at
 -- or before the present of their door change nothing: they are kept and counted as late.
@@ -163,7 +156,8 @@ begin
   with seen as materialized (
     select distinct on (e.instance_id, n.stamp) e.instance_id, n.stamp, e.angle_rad, e.angle_std_rad
     from new_line n
-    cross join lateral semap.leaves_seen(v_map_id, n.x1_m, n.y1_m, n.x2_m, n.y2_m, n.z_m, n.angle_std_rad, n.offset_std_m) e
+    cross join lateral semap.leaves_seen(v_map_id, n.x1_m, n.y1_m, n.x2_m, n.y2_m, n.z_m, n.angle_std_rad,
+                                         n.offset_std_m) e
     order by e.instance_id, n.stamp, e.length_m desc, e.miss_m, e.angle_rad
   ), stepped as materialized (
     select s.instance_id, s.stamp, d.state as present_state,
@@ -195,8 +189,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.lines_arrived is
-  'New lines move the doors whose leaves they are.';
 
 create or replace trigger lines_arrived after insert on semap.line_observation
   referencing new table as new_line for each statement execute function semap.lines_arrived();
@@ -213,8 +205,6 @@ begin
   end if;
   return null;
 end $$;
-comment on function semap.lines_forgotten is
-  'With a source go the lines that it saw.';
 
 create or replace trigger lines_forgotten after delete on semap.source
   referencing old table as old_source for each statement execute function semap.lines_forgotten();

@@ -22,8 +22,6 @@ language sql immutable parallel safe as $$
                case when p_heading_rad is null then greatest(p_length_m, p_width_m)
                     else coalesce(p_width_m, p_length_m) end as width_m) e
 $$;
-comment on function semap.track_footprint is
-  'The ground that a body covers: an ellipse, its length along the heading, or a circle.';
 
 -- Where each track that lives is, and the ground that it covers.
 create or replace view semap.track_present with (security_invoker = true) as
@@ -35,12 +33,12 @@ create or replace view semap.track_present with (security_invoker = true) as
   join semap.track k using (track_id)
   join semap.source n on n.source_id = t.source_id
   where t.live;
-comment on view semap.track_present is
-  'Where each track that lives is, and the ground that it covers.';
 
 -- End tracks of a source, each at a stamp, within a transaction that wrote states: where regions are held already, the
--- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a circle.
-create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[]) returns void
+-- lock that an update of track takes by itself would be raised from shared to exclusive, and two that do wait in a
+-- circle.
+create or replace function semap.end_tracks(p_source_id integer, p_track_ids bigint[], p_stamps timestamptz[])
+returns void
 language plpgsql as $$
 begin
   perform semap.hold_regions();
@@ -51,8 +49,6 @@ begin
   where k.track_id = e.track_id and k.source_id = p_source_id;
   perform set_config('semap.source_is_held', 'off', true);
 end $$;
-comment on function semap.end_tracks is
-  'End tracks of a source, each at a stamp, within a transaction that wrote states.';
 
 -- One writer of amendments at a time, until its transaction ends: whoever has seen one has seen those before it.
 create or replace function semap.track_amendments_arrive() returns trigger
@@ -62,8 +58,6 @@ begin
   perform pg_advisory_xact_lock(7368, 0);
   return null;
 end $$;
-comment on function semap.track_amendments_arrive is
-  'One writer of amendments at a time, until its transaction ends.';
 
 create or replace trigger track_amendments_arrive before insert on semap.track_amendment
   for each statement execute function semap.track_amendments_arrive();
@@ -81,8 +75,6 @@ begin
   end if;
   return new;
 end $$;
-comment on function semap.track_amendment_arrives is
-  'An amendment is of the map of its tracks, which one source saw.';
 
 create or replace trigger track_amendment_arrives before insert on semap.track_amendment
   for each row execute function semap.track_amendment_arrives();
@@ -94,8 +86,6 @@ begin
   perform pg_notify('semap_amendment', max(track_amendment_id)::text) from new_amendment having count(*) > 0;
   return null;
 end $$;
-comment on function semap.track_amendments_arrived is
-  'Listeners on semap_amendment are woken by new amendments.';
 
 create or replace trigger track_amendments_arrived after insert on semap.track_amendment
   referencing new table as new_amendment for each statement execute function semap.track_amendments_arrived();
@@ -109,5 +99,3 @@ create or replace view semap.track_amended with (security_invoker = true) as
   join semap.source n on n.source_id = a.source_id
   join semap.track k on k.track_id = a.track_id
   join semap.track o on o.track_id = a.other_track_id;
-comment on view semap.track_amended is
-  'What trackers found that they had mistaken, by name. Relations and rules take the tracks as they were told.';

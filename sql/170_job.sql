@@ -12,16 +12,12 @@ begin
     raise exception 'The job % is not running any more, or is to stop.', p_job_id using errcode = 'query_canceled';
   end if;
 end $$;
-comment on function semap.finish_job is
-  'Say within an import''s own transaction that its job is done, so that there is never one without the other.';
 
 -- Hold a job, so that others see that it is not lost, until this connection ends or lets it go.
 create or replace function semap.hold_job(p_job_id integer) returns void
 language sql as $$
   select pg_advisory_lock_shared(7369, p_job_id)
 $$;
-comment on function semap.hold_job is
-  'Hold a job, so that others see that it is not lost, until this connection ends or lets it go.';
 
 -- Mark unfinished jobs that nobody holds as failed: the process that had them is gone.
 create or replace function semap.fail_lost_jobs() returns integer
@@ -43,5 +39,3 @@ language sql as $$
   )
   select count(*)::integer from lost
 $$;
-comment on function semap.fail_lost_jobs is
-  'Mark unfinished jobs that nobody holds as failed: the process that had them is gone.';

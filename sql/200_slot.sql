@@ -4,8 +4,6 @@ create or replace function semap.rule_slot() returns name
 language sql stable parallel safe as $$
   select ('semap_rules_' || oid)::name from pg_database where datname = current_database()
 $$;
-comment on function semap.rule_slot is
-  'The name of the rule worker''s replication slot in this database.';
 
 -- Make the rule worker's slot where it is missing and nothing was read through it before.
 create or replace function semap.create_rule_slot() returns void
@@ -14,8 +12,6 @@ language sql as $$
   where not exists (select from pg_replication_slots where slot_name = semap.rule_slot())
     and not exists (select from semap.progress where worker = 'rules')
 $$;
-comment on function semap.create_rule_slot is
-  'Make the rule worker''s slot where it is missing and nothing was read through it before.';
 
 -- What the rule worker knows of a rule, as it also comes through the log.
 create or replace function semap.rule_json(p_rule semap.rule) returns jsonb
@@ -24,8 +20,6 @@ language sql stable parallel safe as $$
                             'queries', p_rule.queries, 'declaration', p_rule.declaration,
                             'enabled', p_rule.enabled, 'backfill_from', p_rule.backfill_from, 'seam', p_rule.seam)
 $$;
-comment on function semap.rule_json is
-  'What the rule worker knows of a rule, as it also comes through the log.';
 
 -- The rule worker begins where its slot begins, with the rules that were there before.
 create or replace function semap.begin_progress() returns void
@@ -36,8 +30,6 @@ language sql as $$
   from pg_replication_slots s where s.slot_name = semap.rule_slot()
   on conflict (worker) do nothing
 $$;
-comment on function semap.begin_progress is
-  'The rule worker begins where its slot begins, with the rules that were there before.';
 
 -- Make the rule worker's slot anew at the present end of the log; whatever it had not read is passed.
 create or replace function semap.replace_rule_slot() returns void
@@ -46,8 +38,6 @@ begin
   perform pg_drop_replication_slot(slot_name) from pg_replication_slots where slot_name = semap.rule_slot();
   perform pg_create_logical_replication_slot(semap.rule_slot(), 'pgoutput');
 end $$;
-comment on function semap.replace_rule_slot is
-  'Make the rule worker''s slot anew at the present end of the log; whatever it had not read is passed.';
 
 -- Whether this statement sees what a transaction has written, given the lower 32 bits of its number. The log shows a
 -- transaction an instant before other sessions do.
@@ -61,5 +51,3 @@ language sql stable as $$
         from (select pg_current_snapshot() as snapshot,
                      pg_snapshot_xmax(pg_current_snapshot())::text::bigint as newest) s) n
 $$;
-comment on function semap.is_visible is
-  'Whether this statement sees what a transaction has written, given the lower 32 bits of its number.';

@@ -9,7 +9,8 @@ begin
     return p_after;
   end if;
 
-  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id, track_name,
+  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id,
+                           track_name,
                            instance_id, instance_name, key, measures, confidence, by_batch)
   select p_after + row_number() over (order by e.place), e.event_id, e.map_id, e.rule_name, e.rule_version, e.type,
          e.stamp, e.since, e.cause, e.track_id, e.track_name, e.instance_id, e.instance_name,
@@ -36,8 +37,6 @@ begin
   perform pg_notify('semap_event', (p_after + v_made)::text);
   return p_after + v_made;
 end $$;
-comment on function semap.write_events is
-  'Write events after a number, in the order given and without gaps; one that exists already is passed over.';
 
 -- Delete what was made of maps that are gone.
 create or replace function semap.forget_maps(p_worker text, p_maps integer[]) returns void
@@ -49,8 +48,6 @@ language sql as $$
   delete from semap.pending_row where worker = p_worker and map_id = any (p_maps);
   delete from semap.late_row where map_id = any (p_maps)
 $$;
-comment on function semap.forget_maps is
-  'Delete what was made of maps that are gone.';
 
 -- Write what changed in the state of rules, and forget that of rules that are in force no more.
 create or replace function semap.write_rule_states(
@@ -75,8 +72,6 @@ begin
     on conflict (worker, rule_id, key) do update set state = excluded.state;
   end if;
 end $$;
-comment on function semap.write_rule_states is
-  'Write what changed in the state of rules, and forget that of rules that are in force no more.';
 
 -- Write which rows wait for the watermark, which wait no more, and which came too late for it.
 create or replace function semap.write_rows(p_worker text, p_pending jsonb, p_late jsonb) returns void
@@ -105,8 +100,6 @@ begin
     update semap.progress set late_rows = late_rows + v_late where worker = p_worker;
   end if;
 end $$;
-comment on function semap.write_rows is
-  'Write which rows wait for the watermark, which wait no more, and which came too late for it.';
 
 -- Commit what a worker made: events, its state and its place in the log, all or nothing. The place must be where the
 -- worker believes it to be, so that of two workers only one goes on. Rules and watermarks that are null stay as they
@@ -142,12 +135,10 @@ begin
   where worker = p_worker;
   return v_seq;
 end $$;
-comment on function semap.commit_progress is
-  'Commit what a worker made: events, its state and its place in the log, all or nothing.';
 
--- Add events beside the log, such as those of late rows or of a run over the past; the worker goes on meanwhile. Those of
--- a map that is gone are left out, since the worker may have deleted its events before. Gives how many there were not
--- before.
+-- Add events beside the log, such as those of late rows or of a run over the past; the worker goes on meanwhile. Those
+-- of a map that is gone are left out, since the worker may have deleted its events before. Gives how many there were
+-- not before.
 create or replace function semap.add_events(p_worker text, p_events jsonb) returns bigint
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -170,5 +161,3 @@ begin
   update semap.progress set event_seq = v_after where worker = p_worker;
   return v_after - v_before;
 end $$;
-comment on function semap.add_events is
-  'Add events beside the log, such as those of late rows or of a run over the past.';

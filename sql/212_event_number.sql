@@ -1,5 +1,5 @@
--- Number events within their maps, in the order of the log and without gaps: what a reader of one map is told. Events are
--- written by one transaction at a time, so that whoever has seen number n of a map has seen all before it.
+-- Number events within their maps, in the order of the log and without gaps: what a reader of one map is told. Events
+-- are written by one transaction at a time, so that whoever has seen number n of a map has seen all before it.
 create or replace function semap.event_inserted() returns trigger
 language plpgsql as $$
 begin
@@ -13,8 +13,6 @@ begin
   from made m join counted c using (map_id);
   return null;
 end $$;
-comment on function semap.event_inserted is
-  'Number events within their maps, in the order of the log and without gaps: what a reader of one map is told.';
 
 create or replace trigger event_inserted after insert on semap.event
 referencing new table as made for each statement execute function semap.event_inserted();

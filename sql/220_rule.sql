@@ -31,8 +31,6 @@ begin
   end if;
   return new;
 end $$;
-comment on function semap.rule_declaring is
-  'Number the version of a rule, and note the seam between the past that it is to run over and the log.';
 
 create or replace trigger rule_declaring before insert or update of name, queries, declaration, backfill_from
   on semap.rule for each row execute function semap.rule_declaring();
@@ -55,8 +53,6 @@ begin
   select distinct new.rule_id, r.value::integer from jsonb_each_text(new.queries) r;
   return null;
 end $$;
-comment on function semap.rule_declared is
-  'Keep the version of a rule, and which queries it reads: those cannot be deleted.';
 
 create or replace trigger rule_declared after insert or update of name, queries, declaration, backfill_from
   on semap.rule for each row execute function semap.rule_declared();
@@ -71,18 +67,18 @@ begin
   from semap.rule_query q join semap.rule r using (rule_id) where q.query_id = old.query_id;
   if v_rules is not null then
     raise exception 'Rules read the query %: %.', old.name, v_rules
-      using errcode = 'foreign_key_violation', hint = 'Add a query of the new name, let the rules read it, and delete this one.';
+      using errcode = 'foreign_key_violation',
+        hint = 'Add a query of the new name, let the rules read it, and delete this one.';
   end if;
   return null;
 end $$;
-comment on function semap.query_renamed is
-  'A query that rules read keeps its name, by which they read it.';
 
 create or replace trigger query_renamed after update of name on semap.continuous_query
   for each row when (new.name <> old.name) execute function semap.query_renamed();
 
--- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and the
--- stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their own maps.
+-- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and
+-- the stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their
+-- own maps.
 create or replace view semap.rule_given_up with (security_barrier) as
   select r.rule_id, r.map_id, (g.said ->> 'attempts')::bigint as attempts, (g.said ->> 'first')::timestamptz as first,
          g.said -> 'key' as key
@@ -91,5 +87,3 @@ create or replace view semap.rule_given_up with (security_barrier) as
   join semap.rule r on r.rule_id = g.rule_id::integer and r.version = (g.said ->> 'version')::integer
   where p.worker = 'rules'
     and ((select semap.visible_maps() is null) or r.map_id = any ((select semap.visible_maps())::integer[]));
-comment on view semap.rule_given_up is
-  'What rules gave up since their version is in force, because too much was under way in a key.';

@@ -29,11 +29,9 @@ begin
   join semap.event e using (event_id);
   return v_run_id;
 end $$;
-comment on function semap.commit_recompute is
-  'Commit what a run of the batch layer found, all or nothing.';
 
--- Retract the events of a map that rest on what these late rows say was taken back, and what rests on those. The verdicts are
--- those of a run of their own. Gives how many events there are.
+-- Retract the events of a map that rest on what these late rows say was taken back, and what rests on those. The
+-- verdicts are those of a run of their own. Gives how many events there are.
 create or replace function semap.retract_events(p_map_id integer, p_late_row_ids bigint[]) returns integer
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -64,5 +62,3 @@ begin
   set verdict = 'retracted', by_event_id = null, run_id = v_run_id, amended_at = clock_timestamp();
   return cardinality(v_event_ids);
 end $$;
-comment on function semap.retract_events is
-  'Retract the events of a map that rest on what these late rows say was taken back, and what rests on those.';

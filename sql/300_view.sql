@@ -10,12 +10,11 @@ create or replace view semap.relation_held with (security_invoker = true) as
   select p.query_id, p.map_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id, p.since
   from semap.pair p
   where p.held;
-comment on view semap.relation_held is
-  'What holds now by every continuous query, between tracks and instances on either side.';
 
 -- What holds now by every continuous query, by name; subject and object are the names of whichever kind they are.
 create or replace view semap.relation_now with (security_invoker = true) as
-  select m.name as map, q.name as query, n.track_id, t.name as track, n.instance_id, o.name as instance, n.since, n.map_id,
+  select m.name as map, q.name as query, n.track_id, t.name as track, n.instance_id, o.name as instance, n.since,
+         n.map_id,
          n.query_id, n.subject_instance_id, s.name as subject_instance, n.object_track_id, u.name as object_track,
          coalesce(t.name, s.name) as subject, coalesce(o.name, u.name) as object
   from semap.relation_held n
@@ -25,8 +24,6 @@ create or replace view semap.relation_now with (security_invoker = true) as
   left join semap.instance s on s.instance_id = n.subject_instance_id
   left join semap.instance o on o.instance_id = n.instance_id
   left join semap.track u on u.track_id = n.object_track_id;
-comment on view semap.relation_now is
-  'What holds now by every continuous query, by name.';
 
 -- Who was related to what, since when, until when and how long: what is over, under the names that things had when it
 -- ended, and what holds, whose until and duration are null.
@@ -42,15 +39,11 @@ create or replace view semap.relation_span with (security_invoker = true) as
   select n.map, n.query, n.subject, n.object, n.since, null, null, n.map_id, n.query_id, n.track_id, n.track,
          n.subject_instance_id, n.subject_instance, n.instance_id, n.instance, n.object_track_id, n.object_track
   from semap.relation_now n;
-comment on view semap.relation_span is
-  'Who was related to what, since when, until when and how long; until is null while it holds.';
 
--- What held at a moment of event time: what had begun by then, and ended later or not at all. A relation that took no time
--- held at none.
+-- What held at a moment of event time: what had begun by then, and ended later or not at all. A relation that took no
+-- time held at none.
 create or replace function semap.relations_as_of(p_at timestamptz) returns setof semap.relation_span
 language sql stable parallel safe as $$
   select s.* from semap.relation_span s
   where tstzrange(s.since, s.until, '[]') @> p_at and (s.until > p_at or s.until is null)
 $$;
-comment on function semap.relations_as_of is
-  'What held at a moment of event time: what had begun by then, and ended later or not at all.';

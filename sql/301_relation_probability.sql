@@ -1,9 +1,9 @@
--- How probable relations are of queries that ask for certainty. The error of a position is taken as a normal distribution
--- with the covariance that its error ellipse says (sql/106, 107).
+-- How probable relations are of queries that ask for certainty. The error of a position is taken as a normal
+-- distribution with the covariance that its error ellipse says (sql/106, 107).
 
--- How probable it is that a track is where a relation says, from its present position and covariance; null of a track that
--- does not live, and of a query that does not ask for certainty. Without a deviation, and by its height where both have
--- one, it is 1 or 0.
+-- How probable it is that a track is where a relation says, from its present position and covariance; null of a track
+-- that does not live, and of a query that does not ask for certainty. Without a deviation, and by its height where both
+-- have one, it is 1 or 0.
 create or replace function semap.relation_probability(p_track_id bigint, p_region_id integer) returns double precision
 language sql stable as $$
   select case when t.z_m is not null and not (t.z_m >= r.z_min_m and t.z_m < r.z_max_m) then 0
@@ -13,9 +13,6 @@ language sql stable as $$
   cross join lateral semap.error_covariance(t.std_m, t.std_across_m, t.std_yaw_rad) c
   where r.region_id = p_region_id and r.enter_stds is not null
 $$;
-comment on function semap.relation_probability is
-  'How probable it is that a track is where a relation says, from its present position and covariance; null of a track'
-  ' that does not live, and of a query that does not ask for certainty.';
 
 -- What holds now by queries that ask for certainty, and how probable each of it is now.
 create or replace view semap.relation_certainty with (security_invoker = true) as
@@ -26,5 +23,3 @@ create or replace view semap.relation_certainty with (security_invoker = true) a
   join semap.track t using (track_id)
   join semap.map m on m.map_id = n.map_id
   where r.enter_stds is not null;
-comment on view semap.relation_certainty is
-  'What holds now by queries that ask for certainty, and how probable each of it is now.';

@@ -1,9 +1,7 @@
--- The views that continuous queries in SQL are written over, for plain queries too: the schema semap_query has one of
--- tracks, one of instances, and one for each concept with the instances of it and of those below it. They show what
--- their reader may see; where semap.maps is set, they show these maps alone.
+-- The views and spatial predicates that continuous queries in SQL are written over, for plain queries too: the schema
+-- semap_query has a view of tracks, one of instances, and one for each concept with the instances of it and of those
+-- below it. They show what their reader may see; where semap.maps is set, they show these maps alone.
 create schema if not exists semap_query;
-comment on schema semap_query is
-  'Views of tracks, of instances and of each concept, and spatial predicates: what continuous queries are written over.';
 
 -- Each track that lives, where it is now, and the ground that it covers.
 create or replace view semap_query.track with (security_invoker = true) as
@@ -17,8 +15,6 @@ create or replace view semap_query.track with (security_invoker = true) as
   left join semap.concept c on c.concept_id = k.concept_id
   join semap.map m on m.map_id = p.map_id
   where (select semap.visible_maps() is null) or p.map_id = any ((select semap.visible_maps())::integer[]);
-comment on view semap_query.track is
-  'Each track that lives, where it is now, and the ground that it covers.';
 
 -- Each instance with its absolute abstractions; its heights are without end where they are not known.
 create or replace view semap_query.instance with (security_invoker = true) as
@@ -55,8 +51,6 @@ create or replace view semap_query.instance with (security_invoker = true) as
   left join semap.abstraction bounding_hull on bounding_hull.description_id = i.absolute_description_id
     and bounding_hull.type = 'BoundingHull' and bounding_hull.instance_id is not null
   where (select semap.visible_maps() is null) or i.map_id = any ((select semap.visible_maps())::integer[]);
-comment on view semap_query.instance is
-  'Each instance with its absolute abstractions; its heights are without end where they are not known.';
 
 -- The name of a concept's view: snake case, at most 63 bytes; null of a concept that has none, since nothing is left of
 -- its name, or it is that of another view or of a table of PostgreSQL.
@@ -72,8 +66,6 @@ begin
   v_name := v_snake::name::text;
   return case when v_name not in ('', 'track', 'instance') and v_name not like 'pg\_%' then v_name end;
 end $$;
-comment on function semap.view_name is
-  'The name of a concept''s view: snake case, at most 63 bytes; null of a concept that has none.';
 
 -- Make the view of each concept that has none yet, and drop those of concepts that are gone; what is as it should be is
 -- left alone. Of concepts whose views would have one name the oldest has it. A view that somebody else's object depends
@@ -118,8 +110,6 @@ begin
     end;
   end loop;
 end $$;
-comment on function semap.make_concept_views is
-  'Make the view of each concept that has none yet, and drop those of concepts that are gone.';
 
 -- Each concept has its view as soon as it is there.
 create or replace function semap.concept_views_kept() returns trigger
@@ -128,8 +118,6 @@ begin
   perform semap.make_concept_views();
   return null;
 end $$;
-comment on function semap.concept_views_kept is
-  'Each concept has its view as soon as it is there.';
 
 create or replace trigger concept_views_kept after insert or delete or update of name on semap.concept
   for each statement execute function semap.concept_views_kept();

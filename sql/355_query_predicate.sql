@@ -15,8 +15,6 @@ begin
   return p_subject.id <> p_object.id and public.st_contains(p_object.footprint, p_subject.footprint)
      and p_subject.z_min_m >= p_object.z_min_m and p_subject.z_max_m <= p_object.z_max_m;
 end $$;
-comment on function semap_query.is_in is
-  'Whether the subject is in the object: in its footprint, and within its heights.';
 
 -- Whether the subject stands on the object: an instance as semap.on_objects has it; a track that is over the object's
 -- footprint and, where its height is known, from 10 cm below the object's top to 50 cm above.
@@ -32,11 +30,9 @@ begin
   end if;
   return exists (select from semap.on_objects(array[p_object.id], array[p_subject.id]));
 end $$;
-comment on function semap_query.is_on is
-  'Whether the subject stands on the object.';
 
--- Whether two things are at most a distance [m] apart, heights counting: the convex hulls of instances as solids, and the
--- positions of tracks. Of a track whose height is not known only the distance seen from above counts.
+-- Whether two things are at most a distance [m] apart, heights counting: the convex hulls of instances as solids, and
+-- the positions of tracks. Of a track whose height is not known only the distance seen from above counts.
 create or replace function semap_query.is_near(p_subject record, p_object record, p_distance_m double precision)
 returns boolean
 language plpgsql stable parallel safe as $$
@@ -61,12 +57,10 @@ begin
   return public.st_distance(public.st_convexhull(public.st_points(public.st_force2d(v_subject))),
                             public.st_convexhull(public.st_points(public.st_force2d(v_object)))) <= p_distance_m;
 end $$;
-comment on function semap_query.is_near is
-  'Whether two things are at most a distance [m] apart, heights counting: convex hulls as solids, and positions.';
 
--- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own frame:
--- in the projection of its box to that side, up to 10 m. A track is where its position is, within the sides of the
--- projection and not on them, at any height if its own is not known; an instance counts with any part of it.
+-- Whether the subject is in a direction of the object (in_front_of, behind, left_of, right_of), in the object's own
+-- frame: in the projection of its box to that side, up to 10 m. A track is where its position is, within the sides of
+-- the projection and not on them, at any height if its own is not known; an instance counts with any part of it.
 create or replace function semap_query.is_beside(p_direction text, p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -94,8 +88,6 @@ begin
      and public.st_y(v_point) > public.st_ymin(v_box) and public.st_y(v_point) < public.st_ymax(v_box)
      and public.st_z(v_point) >= public.st_zmin(v_box) and public.st_z(v_point) < public.st_zmax(v_box);
 end $$;
-comment on function semap_query.is_beside is
-  'Whether the subject is in a direction of the object, in the object''s own frame, up to 10 m.';
 
 -- Whether the subject is in front of the object; see semap_query.is_beside.
 create or replace function semap_query.in_front_of(p_subject record, p_object record) returns boolean
@@ -103,8 +95,6 @@ language plpgsql stable parallel safe as $$
 begin
   return semap_query.is_beside('in_front_of', p_subject, p_object);
 end $$;
-comment on function semap_query.in_front_of is
-  'Whether the subject is in front of the object; see semap_query.is_beside.';
 
 -- Whether the subject is behind the object; see semap_query.is_beside.
 create or replace function semap_query.behind(p_subject record, p_object record) returns boolean
@@ -112,8 +102,6 @@ language plpgsql stable parallel safe as $$
 begin
   return semap_query.is_beside('behind', p_subject, p_object);
 end $$;
-comment on function semap_query.behind is
-  'Whether the subject is behind the object; see semap_query.is_beside.';
 
 -- Whether the subject is left of the object; see semap_query.is_beside.
 create or replace function semap_query.left_of(p_subject record, p_object record) returns boolean
@@ -121,8 +109,6 @@ language plpgsql stable parallel safe as $$
 begin
   return semap_query.is_beside('left_of', p_subject, p_object);
 end $$;
-comment on function semap_query.left_of is
-  'Whether the subject is left of the object; see semap_query.is_beside.';
 
 -- Whether the subject is right of the object; see semap_query.is_beside.
 create or replace function semap_query.right_of(p_subject record, p_object record) returns boolean
@@ -130,11 +116,9 @@ language plpgsql stable parallel safe as $$
 begin
   return semap_query.is_beside('right_of', p_subject, p_object);
 end $$;
-comment on function semap_query.right_of is
-  'Whether the subject is right of the object; see semap_query.is_beside.';
 
--- Whether a track's heading is within an angle [rad] of the bearing of the object's position; null without a heading, and
--- where the two are at one place.
+-- Whether a track's heading is within an angle [rad] of the bearing of the object's position; null without a heading,
+-- and where the two are at one place.
 create or replace function semap_query.faces(p_subject record, p_object record, p_angle_rad double precision)
 returns boolean
 language plpgsql stable parallel safe as $$
@@ -151,14 +135,12 @@ begin
   return abs(atan2(cos(p_subject.heading_rad) * v_y_m - sin(p_subject.heading_rad) * v_x_m,
                    cos(p_subject.heading_rad) * v_x_m + sin(p_subject.heading_rad) * v_y_m)) <= p_angle_rad;
 end $$;
-comment on function semap_query.faces is
-  'Whether a track''s heading is within an angle [rad] of the bearing of the object''s position.';
 
 -- Whether the distance from a track to the object falls by a speed [m/s] or more, while they are at most a distance [m]
 -- apart: to the nearest point of an instance's footprint (of its position where it has none), or to another track's
--- position, which may move, too. A row has no state before, so that heading and speed say how the distance changes, where a
--- query that is kept compares the distances at successive states. False where they meet; null where the track's heading or
--- speed is not known.
+-- position, which may move, too. A row has no state before, so that heading and speed say how the distance changes,
+-- where a query that is kept compares the distances at successive states. False where they meet; null where the track's
+-- heading or speed is not known.
 create or replace function semap_query.approaches(
   p_subject record, p_object record, p_speed_mps double precision, p_distance_m double precision
 ) returns boolean
@@ -166,7 +148,8 @@ language plpgsql stable parallel safe as $$
 declare
   v_shape   public.geometry := case when p_object.kind = 'track' then p_object.position
                                     else coalesce(p_object.footprint, p_object.position) end;
-  v_line    public.geometry := public.st_shortestline(public.st_force2d(p_subject.position), public.st_force2d(v_shape));
+  v_line    public.geometry := public.st_shortestline(public.st_force2d(p_subject.position),
+                                                      public.st_force2d(v_shape));
   v_x_mps   double precision := p_subject.speed_mps * cos(p_subject.heading_rad);
   v_y_mps   double precision := p_subject.speed_mps * sin(p_subject.heading_rad);
   v_line_m  double precision := public.st_length(v_line);
@@ -181,11 +164,10 @@ begin
   return (v_x_mps * (public.st_x(public.st_endpoint(v_line)) - p_subject.x_m)
           + v_y_mps * (public.st_y(public.st_endpoint(v_line)) - p_subject.y_m)) / v_line_m >= p_speed_mps;
 end $$;
-comment on function semap_query.approaches is
-  'Whether the distance from a track to the object falls by a speed [m/s] or more, while they are at most a distance apart.';
 
--- Whether the straight way of a track from the state before its present one meets the object's footprint. A query that is
--- kept tells each crossing of its line or boundary as it happens; a way that stays inside an area crosses nothing then.
+-- Whether the straight way of a track from the state before its present one meets the object's footprint. A query that
+-- is kept tells each crossing of its line or boundary as it happens; a way that stays inside an area crosses nothing
+-- then.
 create or replace function semap_query.crosses(p_subject record, p_object record) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -199,5 +181,3 @@ begin
   return public.st_intersects(public.st_makeline(v_before, public.st_makepoint(p_subject.x_m, p_subject.y_m)),
                               p_object.footprint);
 end $$;
-comment on function semap_query.crosses is
-  'Whether the straight way of a track from the state before its present one meets the object''s footprint.';

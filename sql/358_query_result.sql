@@ -1,11 +1,9 @@
--- What holds by each continuous query, as a view of its own in the schema semap_result, named MAP/QUERY: the columns that
--- the query selects (all names and ids where it selects none), and since when.
+-- What holds by each continuous query, as a view of its own in the schema semap_result, named MAP/QUERY: the columns
+-- that the query selects (all names and ids where it selects none), and since when.
 create schema if not exists semap_result;
-comment on schema semap_result is
-  'A view of each continuous query: what holds by it now.';
 
--- The column list of a query's result: each name of its payload with the column of a side that it is, t the subject and o
--- the object. Without a payload it is the names and ids, called after what they are where that tells them apart.
+-- The column list of a query's result: each name of its payload with the column of a side that it is, t the subject and
+-- o the object. Without a payload it is the names and ids, called after what they are where that tells them apart.
 create or replace function semap.result_columns(p_payload jsonb, p_subject_kind text, p_object_kind text) returns text
 language sql stable parallel safe as $$
   select coalesce(string_agg(format('%s.%I as %I', side, source, name), ', ' order by name),
@@ -21,8 +19,6 @@ language sql stable parallel safe as $$
     from jsonb_each_text(p_payload) p) said
   where exists (select from pg_attribute where attrelid = of_view::regclass and attname = source and attnum > 0)
 $$;
-comment on function semap.result_columns is
-  'The column list of a query''s result: each name of its payload with the column of a side that it is.';
 
 -- What a query's result is of: n, what holds by it, with the two sides t and o.
 create or replace function semap.result_source(p_query semap.continuous_query) returns text
@@ -34,8 +30,6 @@ language sql stable parallel safe as $$
     p_query.object_kind, case p_query.object_kind when 'track' then 'object_track_id' else 'instance_id' end,
     p_query.query_id) || case when p_query.in_pairs then ' and n.held' else '' end
 $$;
-comment on function semap.result_source is
-  'What a query''s result is of: n, what holds by it, with the two sides t and o.';
 
 -- What holds by a query now, as its view has it, after a place in the order of its ids; each row as JSON (shapes as
 -- GeoJSON, in metres of the map) with its place.
@@ -59,8 +53,6 @@ begin
     semap.result_source(v_query), replace(v_ids, ', 0::bigint', ''))
     using p_after, p_limit;
 end $$;
-comment on function semap.result_page is
-  'What holds by a query now, as its view has it, after a place in the order of its ids; each row as JSON.';
 
 -- Make the view of each continuous query that has none or another one, and drop those of queries that are gone.
 create or replace function semap.make_result_views() returns void
@@ -105,8 +97,6 @@ begin
     end;
   end loop;
 end $$;
-comment on function semap.make_result_views is
-  'Make the view of each continuous query that has none or another one, and drop those of queries that are gone.';
 
 -- Each continuous query has its view as soon as it is there.
 create or replace function semap.result_views_kept() returns trigger
@@ -115,8 +105,6 @@ begin
   perform semap.make_result_views();
   return null;
 end $$;
-comment on function semap.result_views_kept is
-  'Each continuous query has its view as soon as it is there.';
 
 create or replace trigger result_views_kept
   after insert or delete or update of name, payload, predicate, subject_kind, object_kind on semap.continuous_query

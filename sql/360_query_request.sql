@@ -20,16 +20,12 @@ begin
   raise exception 'There is no map%.', coalesce(' ' || p_map, '')
     using errcode = 'no_data_found', hint = 'List the maps: select name from semap.map';
 end $$;
-comment on function semap.map_of_query is
-  'The map that a query is about: the one of that name, or the only one that the caller sees.';
 
 -- The number of a continuous query by its name and map; null where there is none.
 create or replace function semap.query_named(p_name text, p_map_id integer) returns integer
 language sql stable as $$
   select query_id from semap.continuous_query where map_id = p_map_id and name = p_name
 $$;
-comment on function semap.query_named is
-  'The number of a continuous query by its name and map; null where there is none.';
 
 -- Refuse a text that is not one SELECT that PostgreSQL can plan over the views of semap_query. It is planned and not
 -- run. A stable function opens no cursor for what writes, in a WITH neither. To plan a query is to fold functions of
@@ -49,9 +45,6 @@ exception
       using errcode = 'invalid_parameter_value',
             hint = 'Write: select r.name, t.name from track t, room r where ST_Contains(r.footprint, t.position)';
 end $$;
-comment on function semap.require_select is
-  'Refuse a text that is not one SELECT that PostgreSQL can plan over the views of semap_query. It is planned and not'
-  ' run.';
 
 -- Whether a worker is there that answers requests: each holds advisory lock 7375 in share mode.
 create or replace function semap.requests_are_answered() returns boolean
@@ -61,12 +54,11 @@ language sql volatile as $$
     where locktype = 'advisory' and classid = 7375 and objid = 0 and objsubid = 2 and granted
       and database = (select oid from pg_database where datname = current_database()))
 $$;
-comment on function semap.requests_are_answered is
-  'Whether a worker is there that answers requests: each holds advisory lock 7375 in share mode.';
 
 -- Ask for a continuous query by its text in SQL, on a map, or on the only one. Gives the number of the request, which a
 -- worker answers once this transaction is committed: see semap.await_continuous_query and semap.query_requests.
-create or replace function semap.create_continuous_query(p_name text, p_sql text, p_map text default null) returns bigint
+create or replace function semap.create_continuous_query(p_name text, p_sql text, p_map text default null)
+returns bigint
 language plpgsql as $$
 declare
   v_map_id      integer := semap.map_of_query(p_map);
@@ -97,9 +89,6 @@ begin
   end if;
   return v_request_id;
 end $$;
-comment on function semap.create_continuous_query is
-  'Ask for a continuous query by its text in SQL, on a map, or on the only one. Gives the number of the request, which a'
-  ' worker answers once this transaction is committed: see semap.await_continuous_query and semap.query_requests.';
 
 -- What was asked for in SQL, and what became of it: waiting, made, or refused at a place of the text for a reason.
 create or replace view semap.query_requests with (security_invoker = true) as
@@ -109,8 +98,6 @@ create or replace view semap.query_requests with (security_invoker = true) as
          r.refusal ->> 'reason' as reason, r.refusal ->> 'remedy' as remedy,
          r.asked_by, r.asked_at, r.answered_at, r.sql, r.map_id
   from semap.query_request r join semap.map m on m.map_id = r.map_id;
-comment on view semap.query_requests is
-  'What was asked for in SQL, and what became of it: waiting, made, or refused at a place of the text for a reason.';
 
 -- How it stands with a continuous query: kept, resting, or, where there is none yet, waiting or refused.
 create or replace function semap.continuous_query_state(
@@ -134,8 +121,6 @@ begin
     perform semap.no_such_query(p_name);
   end if;
 end $$;
-comment on function semap.continuous_query_state is
-  'How it stands with a continuous query: kept, resting, or, where there is none yet, waiting or refused.';
 
 -- Say that there is no continuous query of a name.
 create or replace function semap.no_such_query(p_name text) returns void
@@ -144,8 +129,6 @@ begin
   raise exception 'There is no continuous query %.', p_name
     using errcode = 'no_data_found', hint = 'List them: select name from semap.continuous_query';
 end $$;
-comment on function semap.no_such_query is
-  'Say that there is no continuous query of a name.';
 
 -- Wait until a request is answered, and give the number of the query; a refusal is an error with its place and its
 -- remedy. A request of the same statement is committed first: call semap.await_continuous_query(
@@ -185,13 +168,9 @@ begin
   end if;
   query_id := v_request.query_id;
 end $$;
-comment on procedure semap.await_continuous_query is
-  'Wait until a request is answered, and give the number of the query; a refusal is an error with its place and its'
-  ' remedy. A request of the same statement is committed first: call semap.await_continuous_query('
-  'semap.create_continuous_query(...)) makes a query, or says why not. Within a transaction a request can be waited for'
-  ' that was committed before.';
 
--- Delete a continuous query, so that its relations end, or take a request back that waits. One that rules read is refused.
+-- Delete a continuous query, so that its relations end, or take a request back that waits. One that rules read is
+-- refused.
 create or replace function semap.drop_continuous_query(p_name text, p_map text default null) returns void
 language plpgsql as $$
 declare
@@ -214,9 +193,6 @@ begin
     perform semap.no_such_query(p_name);
   end if;
 end $$;
-comment on function semap.drop_continuous_query is
-  'Delete a continuous query, so that its relations end, or take a request back that waits. One that rules read is'
-  ' refused.';
 
 -- Let a continuous query keep relations, from the present state on, or end all of them and rest.
 create or replace function semap.enable_continuous_query(p_name text, p_enabled boolean, p_map text default null)
@@ -230,5 +206,3 @@ begin
     perform semap.no_such_query(p_name);
   end if;
 end $$;
-comment on function semap.enable_continuous_query is
-  'Let a continuous query keep relations, from the present state on, or end all of them and rest.';

@@ -1,7 +1,8 @@
 -- How things lie to one another seen from above, by their footprints. Boxes are compared by the index first; the
 -- predicates themselves are those of PostGIS (GEOS), exact for the coordinates as they are stored.
 -- Every operator takes references and targets as ids of instances; null means all instances on the maps of the
--- other side (here and in 415 to 430; elsewhere only where a comment says so). A thing is never paired with itself, and things of different maps are not paired.
+-- other side (here and in 415 to 430; elsewhere only where a comment says so). A thing is never paired with itself, and
+-- things of different maps are not paired.
 
 -- The instances of these ids with their maps; for null all on the maps of the others, or all there are.
 create or replace function semap.operands(p_ids bigint[], p_other_ids bigint[])
@@ -15,8 +16,6 @@ language sql stable parallel safe rows 100 as $$
     and i.map_id = any (array(select o.map_id from semap.instance o where o.instance_id = any (p_other_ids)
                               union select m.map_id from semap.map m where p_other_ids is null))
 $$;
-comment on function semap.operands is
-  'The instances of these ids with their maps; for null all on the maps of the others, or all there are.';
 
 -- Whether an abstraction is flat (2) or of space (3); refuses a name that is none.
 create or replace function semap.dimensions_of(p_abstraction text) returns integer
@@ -32,13 +31,12 @@ begin
           hint = 'Use Footprint, FootprintHull, FootprintBox, AxisAligned2D, Position2D, Position3D, AxisAligned3D,'
                  ' BoundingBox or BoundingHull.';
 end $$;
-comment on function semap.dimensions_of is
-  'Whether an abstraction is flat (2) or of space (3); refuses a name that is none.';
 
 -- Pairs of things of one map whose footprints' boxes meet, with their footprints and the heights of these.
 create or replace function semap.footprint_pairs(p_reference_ids bigint[], p_target_ids bigint[] default null)
 returns table (
-  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision, reference_z_max_m double precision,
+  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision,
+  reference_z_max_m double precision,
   target_id bigint, target_area public.geometry, target_z_min_m double precision, target_z_max_m double precision
 )
 language sql stable parallel safe as $$
@@ -63,8 +61,6 @@ language sql stable parallel safe as $$
   where p_reference_ids is null and p_target_ids is not null
     and t.instance_id = any (p_target_ids) and t.type = 'Footprint' and t.instance_id <> r.instance_id
 $$;
-comment on function semap.footprint_pairs is
-  'Pairs of things of one map whose footprints'' boxes meet, with their footprints and the heights of these.';
 
 -- All pairs of things of one map that have footprints, near or far.
 create or replace function semap.footprint_product(p_reference_ids bigint[], p_target_ids bigint[] default null)
@@ -78,8 +74,6 @@ language sql stable parallel safe as $$
   cross join lateral (select * from semap.abstraction a
                       where a.instance_id = ti.instance_id and a.type = 'Footprint' offset 0) t
 $$;
-comment on function semap.footprint_product is
-  'All pairs of things of one map that have footprints, near or far.';
 
 -- Whether a named predicate of OGC Simple Features holds of two geometries.
 create or replace function semap.holds(p_predicate text, p_a public.geometry, p_b public.geometry) returns boolean
@@ -103,11 +97,10 @@ begin
         hint = 'Use equals, disjoint, touches, contains, covers, covered_by, within, intersects, overlaps or crosses.';
   end case;
 end $$;
-comment on function semap.holds is
-  'Whether a named predicate of OGC Simple Features holds of two geometries.';
 
 -- Pairs of things of whose footprints a named predicate holds: reference, predicate, target, read in this order.
-create or replace function semap.topology(p_predicate text, p_reference_ids bigint[], p_target_ids bigint[] default null)
+create or replace function semap.topology(p_predicate text, p_reference_ids bigint[],
+                                          p_target_ids bigint[] default null)
 returns table (reference_id bigint, target_id bigint)
 language plpgsql stable parallel safe as $$
 begin
@@ -123,8 +116,6 @@ begin
       where st_disjoint(p.reference_area, p.target_area);
   end if;
 end $$;
-comment on function semap.topology is
-  'Pairs of things of whose footprints a named predicate holds: reference, predicate, target, read in this order.';
 
 -- Refuse what is no pattern of DE-9IM.
 create or replace function semap.require_pattern(p_pattern text) returns void
@@ -135,8 +126,6 @@ begin
       using errcode = 'invalid_parameter_value', hint = 'Give nine of T, F, 0, 1, 2 and *, such as T*F**F***.';
   end if;
 end $$;
-comment on function semap.require_pattern is
-  'Refuse what is no pattern of DE-9IM.';
 
 -- The DE-9IM matrices of pairs of footprints, those that match a pattern (such as T*F**F***), or all. Pairs whose
 -- boxes are apart are looked at only where the pattern admits what is disjoint.
@@ -155,8 +144,6 @@ language sql stable parallel safe as $$
   where (p_pattern is null or st_relatematch('FF2FF1212', p_pattern))
     and not p.reference_area && p.target_area
 $$;
-comment on function semap.relate is
-  'The DE-9IM matrices of pairs of footprints, those that match a pattern (such as T*F**F***), or all.';
 
 -- The relation of two areas in the region connection calculus (Randell, Cui and Cohn 1992): DC, EC, PO, TPP, NTPP,
 -- TPPI, NTPPI or EQ, read from their DE-9IM matrix; null where one of them is no area.
@@ -176,8 +163,6 @@ language sql immutable parallel safe as $$
   end
   from (select st_relate(p_a, p_b) as matrix offset 0) m
 $$;
-comment on function semap.rcc8 is
-  'The relation of two areas in the region connection calculus: DC, EC, PO, TPP, NTPP, TPPI, NTPPI or EQ.';
 
 -- The RCC-8 relations of pairs of footprints, those asked for, or all; pairs whose boxes are apart are looked at
 -- only where DC is asked for.
@@ -194,5 +179,3 @@ language sql stable parallel safe as $$
   from semap.footprint_product(p_reference_ids, p_target_ids) p
   where (p_relations is null or 'DC' = any (p_relations)) and not p.reference_area && p.target_area
 $$;
-comment on function semap.rcc8_relations is
-  'The RCC-8 relations of pairs of footprints, those asked for, or all.';

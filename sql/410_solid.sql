@@ -10,10 +10,8 @@ returns table (x double precision, y double precision, z double precision)
 language sql immutable parallel safe rows 1 as $$
   select case when abs(x) < 1e-15 then 0 else x end, case when abs(y) < 1e-15 then 0 else y end,
          case when abs(z) < 1e-15 then 0 else z end
-  from (select st_x(p_point) as x, st_y(p_point) as y, coalesce(st_z(p_point), 0) as z offset 0) stored
+  from (select st_x(p_point) as x, st_y(p_point) as y, coalesce(st_z(p_point), 0) as z) stored
 $$;
-comment on function semap.plain_coordinates is
-  'The coordinates [m] of a point, zero for what is less than a femtometre.';
 
 -- A geometry with its axes x y z named y z x, once or twice: the same shape seen along x (1) or y (2).
 create or replace function semap.axes_turned(p_geometry public.geometry, p_times integer) returns public.geometry
@@ -22,8 +20,6 @@ language sql immutable strict parallel safe as $$
                       when 2 then st_affine(p_geometry, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 0)
                       else p_geometry end
 $$;
-comment on function semap.axes_turned is
-  'A geometry with its axes x y z named y z x, once or twice: the same shape seen along x (1) or y (2).';
 
 -- The faces of anything as triangles, as a collection of polygons Z: planar faces with more corners are
 -- cut along their diagonals, as seen along the axis that they face most; the winding is kept.
@@ -40,8 +36,8 @@ language sql immutable strict parallel safe as $$
        lateral (select case when abs(nz) >= abs(nx) and abs(nz) >= abs(ny) then 0 when abs(nx) >= abs(ny) then 1
                             else 2 end as axis,
                        case when abs(nz) >= abs(nx) and abs(nz) >= abs(ny) then nz when abs(nx) >= abs(ny) then nx
-                            else ny end > 0 as up offset 0) a,
-       lateral (select st_npoints(f.geom) = 4 as is_triangle offset 0) s,
+                            else ny end > 0 as up) a,
+       lateral (select st_npoints(f.geom) = 4 as is_triangle) s,
        lateral st_dump(case when is_triangle then f.geom
                             else st_triangulatepolygon(semap.axes_turned(f.geom, axis)) end) t,
        lateral (select case when is_triangle then t.geom
@@ -49,16 +45,12 @@ language sql immutable strict parallel safe as $$
                                                         else st_forcepolygoncw(t.geom) end, 3 - axis) end as piece) r
   where geometrytype(f.geom) in ('POLYGON', 'TRIANGLE') and not st_isempty(f.geom)
 $$;
-comment on function semap.triangulated is
-  'The faces of anything as triangles, as a collection of polygons Z.';
 
 -- A mesh whose faces are triangles: a TIN as it is, anything else triangulated.
 create or replace function semap.as_triangles(p_mesh public.geometry) returns public.geometry
 language sql immutable strict parallel safe as $$
   select case when geometrytype(p_mesh) = 'TIN' then p_mesh else semap.triangulated(p_mesh) end
 $$;
-comment on function semap.as_triangles is
-  'A mesh whose faces are triangles: a TIN as it is, anything else triangulated.';
 
 -- Points and lines as triangles without area, so that they can be measured as meshes are; a mesh as it is.
 create or replace function semap.as_mesh(p_geometry public.geometry) returns public.geometry
@@ -69,8 +61,6 @@ language sql immutable strict parallel safe as $$
           union all
           select geom, geom from st_dump(st_force3d(p_geometry)) where geometrytype(geom) = 'POINT') segment) end
 $$;
-comment on function semap.as_mesh is
-  'Points and lines as triangles without area, so that they can be measured as meshes are; a mesh as it is.';
 
 -- The triangles of a mesh in the order of its faces, corners [m]; a planar face with
 -- more corners is cut into triangles, and what has no area (points, lines) has none.
@@ -89,8 +79,6 @@ begin
   from st_dumppoints(semap.as_triangles(p_mesh)), semap.plain_coordinates(geom)
   group by path[1];
 end $$;
-comment on function semap.mesh_triangles is
-  'The triangles of a mesh in the order of its faces, corners [m].';
 
 -- The winding number of a mesh around a point: 1 inside, 0 outside, between them on the boundary (half
 -- on a face); the sum of the solid angles of all triangles over 4 pi.
@@ -107,10 +95,8 @@ language sql immutable strict parallel safe as $$
                        bx_m - x as bx, by_m - y as by, bz_m - z as bz,
                        cx_m - x as cx, cy_m - y as cy, cz_m - z as cz offset 0) d,
        lateral (select sqrt(ax * ax + ay * ay + az * az) as a, sqrt(bx * bx + by * by + bz * bz) as b,
-                       sqrt(cx * cx + cy * cy + cz * cz) as c offset 0) l
+                       sqrt(cx * cx + cy * cy + cz * cz) as c) l
 $$;
-comment on function semap.winding_3d is
-  'The winding number of a mesh around a point: 1 inside, 0 outside, between them on the boundary (half on a face).';
 
 -- The volume of a solid [m3], exact up to rounding: the signed tetrahedra between its triangles and one
 -- of its corners; negative if it is wound inwards, and without meaning if it is not closed.
@@ -122,8 +108,6 @@ language sql immutable strict parallel safe as $$
   from (select st_xmin(p_mesh) as x, st_ymin(p_mesh) as y, st_zmin(p_mesh) as z offset 0) corner,
        semap.mesh_triangles(p_mesh)
 $$;
-comment on function semap.volume_3d is
-  'The volume of a solid [m3], exact up to rounding; negative if it is wound inwards.';
 
 -- The area of a surface [m2], exact up to rounding.
 create or replace function semap.area_3d(p_mesh public.geometry) returns double precision
@@ -133,7 +117,6 @@ language sql immutable strict parallel safe as $$
                            + ((bx_m - ax_m) * (cy_m - ay_m) - (by_m - ay_m) * (cx_m - ax_m)) ^ 2)) / 2, 0)
   from semap.mesh_triangles(p_mesh)
 $$;
-comment on function semap.area_3d is 'The area of a surface [m2], exact up to rounding.';
 
 -- Whether a mesh bounds a solid: each edge is gone along as often in one direction as in the other, by
 -- corners that are equal to the last bit.
@@ -144,11 +127,9 @@ language sql immutable strict parallel safe as $$
        select from semap.mesh_triangles(p_mesh) t,
             lateral (values (ax_m, ay_m, az_m, bx_m, by_m, bz_m), (bx_m, by_m, bz_m, cx_m, cy_m, cz_m),
                             (cx_m, cy_m, cz_m, ax_m, ay_m, az_m)) as edge (ax, ay, az, bx, by, bz),
-            lateral (select (ax, ay, az) < (bx, by, bz) as up offset 0) d
+            lateral (select (ax, ay, az) < (bx, by, bz) as up) d
        group by case when up then ax else bx end, case when up then ay else by end,
                 case when up then az else bz end, case when up then bx else ax end,
                 case when up then by else ay end, case when up then bz else az end
        having count(*) filter (where up) <> count(*) filter (where not up))
 $$;
-comment on function semap.is_closed_3d is
-  'Whether a mesh bounds a solid: each edge is gone along as often in one direction as in the other.';

@@ -23,8 +23,6 @@ begin
   ), along_z as (select *, ntile(slices) over (partition by i, j order by z0 + z1) as k from along_y)
   select triangle_no, (i * slices + j) * slices + k, x0, x1, y0, y1, z0, z1 from along_z;
 end $$;
-comment on function semap.triangle_boxes is
-  'The boxes [m] of the triangles of a mesh that reach into a region, in blocks of near ones.';
 
 -- The pairs of triangles of two meshes whose boxes come within a distance of each other.
 create or replace function semap.near_triangles(
@@ -55,8 +53,6 @@ begin
     and a.y0 <= b.y1 + p_within_m and a.y1 >= b.y0 - p_within_m
     and a.z0 <= b.z1 + p_within_m and a.z1 >= b.z0 - p_within_m;
 end $$;
-comment on function semap.near_triangles is
-  'The pairs of triangles of two meshes whose boxes come within a distance of each other.';
 
 -- The pairs of triangles of two meshes between which the least distance may lie: those whose boxes come
 -- as near as the nearest must, and as a distance [m] that the least does not exceed.
@@ -95,8 +91,6 @@ begin
   select pair.a_no, pair.b_no, sqrt(least_m2) from pair
   where least_m2 <= least(p_most_m * p_most_m * 1.000001, (select min(most_m2) from pair));
 end $$;
-comment on function semap.closest_triangles is
-  'The pairs of triangles of two meshes between which the least distance may lie.';
 
 -- Each triangle in its own plane: its corners are (0, 0), (l, 0) and (p, q) [m] on the axes u and v from
 -- the origin o, n is its normal outwards, and thin_m its least height; u, v, n of one without area are null.
@@ -117,15 +111,14 @@ begin
                                  sqrt((cx - bx) * (cx - bx) + (cy - by) * (cy - by) + (cz - bz) * (cz - bz))), 0)
   from semap.mesh_triangles(p_mesh),
        lateral (select bx_m - ax_m as bx, by_m - ay_m as by, bz_m - az_m as bz,
-                       cx_m - ax_m as cx, cy_m - ay_m as cy, cz_m - az_m as cz offset 0) side,
+                       cx_m - ax_m as cx, cy_m - ay_m as cy, cz_m - az_m as cz) side,
        lateral (select sqrt(bx * bx + by * by + bz * bz) as l, by * cz - bz * cy as mx, bz * cx - bx * cz as my,
                        bx * cy - by * cx as mz offset 0) normal,
-       lateral (select nullif(greatest(sqrt(mx * mx + my * my + mz * mz), 1e-9 * l * l), 1e-9 * l * l) as twice offset 0) area,
+       lateral (select nullif(greatest(sqrt(mx * mx + my * my + mz * mz), 1e-9 * l * l), 1e-9 * l * l)
+                as twice offset 0) area,
        lateral (select bx / nullif(l, 0) as ux, by / nullif(l, 0) as uy, bz / nullif(l, 0) as uz,
-                       mx / twice as nx, my / twice as ny, mz / twice as nz offset 0) unit;
+                       mx / twice as nx, my / twice as ny, mz / twice as nz) unit;
 end $$;
-comment on function semap.triangle_planes is
-  'Each triangle in its own plane: corners (0, 0), (l, 0), (p, q) [m] on the axes u and v from the origin o.';
 
 -- The distance [m] from a point (u, v) at the height d over the plane of a triangle to the triangle
 -- (0, 0), (l, 0), (p, q): over its inside the height, beside it that to the nearest of its edges.
@@ -141,19 +134,16 @@ return sqrt(d * d + case
       + (v - q * greatest(0, least(1, (u * p + v * q) / (p * p + q * q)))) ^ 2,
     (u - l - (p - l) * greatest(0, least(1, ((u - l) * (p - l) + v * q) / ((p - l) * (p - l) + q * q)))) ^ 2
       + (v - q * greatest(0, least(1, ((u - l) * (p - l) + v * q) / ((p - l) * (p - l) + q * q)))) ^ 2) end);
-comment on function semap.triangle_gap_m is
-  'The distance [m] from a point (u, v) at the height d over the plane of a triangle to the triangle.';
 
 -- The distance [m] from a point to a surface; exact up to rounding.
 create or replace function semap.surface_gap_3d(p_mesh public.geometry, p_point public.geometry)
 returns double precision
 language sql immutable strict parallel safe as $$
-  select min(semap.triangle_gap_m(l, p, q, dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz, dx * nx + dy * ny + dz * nz))
+  select min(semap.triangle_gap_m(l, p, q, dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz,
+                                  dx * nx + dy * ny + dz * nz))
   from semap.plain_coordinates(p_point), semap.triangle_planes(p_mesh),
        lateral (select x - ox as dx, y - oy as dy, z - oz as dz offset 0) d
 $$;
-comment on function semap.surface_gap_3d is
-  'The distance [m] from a point to a surface; exact up to rounding.';
 
 -- The least distance [m] between two surfaces from a corner of one to a triangle of the other, among the
 -- triangles that are given as pairs, or 0 where an edge goes through a triangle; exact up to rounding.
@@ -161,7 +151,7 @@ comment on function semap.surface_gap_3d is
 create or replace function semap.corner_gap_3d(
   p_a public.geometry, p_b public.geometry, p_a_nos integer[], p_b_nos integer[]
 ) returns double precision
-language plpgsql immutable strict parallel safe set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe as $$
 begin
   return (
   with given as materialized (select a_no, b_no from unnest(p_a_nos, p_b_nos) pair (a_no, b_no)
@@ -185,40 +175,40 @@ begin
       semap.triangle_gap_m(l, p, q, cu + (au - cu) * cd / (cd - ad), cv + (av - cv) * cd / (cd - ad), 0) end))
   from facing,
        lateral (select ax_m - ox as ax, ay_m - oy as ay, az_m - oz as az, bx_m - ox as bx, by_m - oy as by,
-                       bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz offset 0) moved,
+                       bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz) moved,
        lateral (select ax * ux + ay * uy + az * uz as au, ax * vx + ay * vy + az * vz as av,
                        ax * nx + ay * ny + az * nz as ad, bx * ux + by * uy + bz * uz as bu,
                        bx * vx + by * vy + bz * vz as bv, bx * nx + by * ny + bz * nz as bd,
                        cx * ux + cy * uy + cz * uz as cu, cx * vx + cy * vy + cz * vz as cv,
                        cx * nx + cy * ny + cz * nz as cd offset 0) turned);
 end $$;
-comment on function semap.corner_gap_3d is
-  'The least distance [m] between two surfaces from a corner of one to a triangle of the other, among pairs.';
 
 -- The least distance [m] between an edge of one surface and an edge of the other, among the triangles
 -- that are given as pairs; exact up to rounding (Ericson 2005, Real-Time Collision Detection, 5.1.9).
 create or replace function semap.edge_gap_3d(
   p_a public.geometry, p_b public.geometry, p_a_nos integer[], p_b_nos integer[]
 ) returns double precision
-language plpgsql immutable strict parallel safe set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe as $$
 begin
   return (
   select min(sqrt((rx + s * dx - t * ex) ^ 2 + (ry + s * dy - t * ey) ^ 2 + (rz + s * dz - t * ez) ^ 2))
   from unnest(p_a_nos, p_b_nos) pair (a_no, b_no)
   join semap.mesh_triangles(p_a) a on a.triangle_no = a_no
   join semap.mesh_triangles(p_b) b on b.triangle_no = b_no,
-       lateral (values (a.ax_m, a.ay_m, a.az_m, a.bx_m, a.by_m, a.bz_m), (a.bx_m, a.by_m, a.bz_m, a.cx_m, a.cy_m, a.cz_m),
+       lateral (values (a.ax_m, a.ay_m, a.az_m, a.bx_m, a.by_m, a.bz_m),
+                (a.bx_m, a.by_m, a.bz_m, a.cx_m, a.cy_m, a.cz_m),
                        (a.cx_m, a.cy_m, a.cz_m, a.ax_m, a.ay_m, a.az_m)) as d (fx, fy, fz, tx, ty, tz),
-       lateral (values (b.ax_m, b.ay_m, b.az_m, b.bx_m, b.by_m, b.bz_m), (b.bx_m, b.by_m, b.bz_m, b.cx_m, b.cy_m, b.cz_m),
+       lateral (values (b.ax_m, b.ay_m, b.az_m, b.bx_m, b.by_m, b.bz_m),
+                (b.bx_m, b.by_m, b.bz_m, b.cx_m, b.cy_m, b.cz_m),
                        (b.cx_m, b.cy_m, b.cz_m, b.ax_m, b.ay_m, b.az_m)) as e (gx, gy, gz, hx, hy, hz),
        lateral (select tx - fx as dx, ty - fy as dy, tz - fz as dz, hx - gx as ex, hy - gy as ey, hz - gz as ez,
                        fx - gx as rx, fy - gy as ry, fz - gz as rz offset 0) side,
-       lateral (select dx * dx + dy * dy + dz * dz as dd, ex * ex + ey * ey + ez * ez as ee, dx * ex + dy * ey + dz * ez as de,
+       lateral (select dx * dx + dy * dy + dz * dz as dd, ex * ex + ey * ey + ez * ez as ee,
+                dx * ex + dy * ey + dz * ez as de,
                        dx * rx + dy * ry + dz * rz as dr, ex * rx + ey * ry + ez * rz as er offset 0) dot,
        lateral (select greatest(0, least(1, coalesce((de * er - dr * ee)
-                         / nullif(greatest(dd * ee - de * de, 1e-14 * dd * ee), 1e-14 * dd * ee), 0))) as s0 offset 0) first,
-       lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t offset 0) second,
-       lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s offset 0) third);
+                         / nullif(greatest(dd * ee - de * de, 1e-14 * dd * ee), 1e-14 * dd * ee),
+                         0))) as s0) first,
+       lateral (select greatest(0, least(1, coalesce((de * s0 + er) / nullif(ee, 0), 0))) as t) second,
+       lateral (select greatest(0, least(1, coalesce((de * t - dr) / nullif(dd, 0), 0))) as s) third);
 end $$;
-comment on function semap.edge_gap_3d is
-  'The least distance [m] between an edge of one surface and an edge of the other, among pairs of triangles.';

@@ -10,7 +10,7 @@ create or replace function semap.cut_lines(
   p_surface public.geometry, p_solid public.geometry, p_surface_nos integer[], p_solid_nos integer[],
   p_tolerance_m double precision
 ) returns table (triangle_no integer, line public.geometry)
-language plpgsql immutable strict parallel safe rows 10000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 10000 as $$
 #variable_conflict use_column
 begin
   return query
@@ -23,7 +23,7 @@ begin
     join semap.triangle_planes(p_surface) f on f.triangle_no = a_no and thin_m > p_tolerance_m
     join semap.mesh_triangles(p_solid) o on o.triangle_no = b_no,
          lateral (select ax_m - ox as ax, ay_m - oy as ay, az_m - oz as az, bx_m - ox as bx, by_m - oy as by,
-                         bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz offset 0) d
+                         bz_m - oz as bz, cx_m - ox as cx, cy_m - oy as cy, cz_m - oz as cz) d
   ), line as (
     select triangle_no, l, p, q, au + (bu - au) * ad / (ad - bd) as au, av + (bv - av) * ad / (ad - bd) as av,
            au + (cu - au) * ad / (ad - cd) as bu, av + (cv - av) * ad / (ad - cd) as bv
@@ -46,13 +46,12 @@ begin
   from line,
        lateral (select sqrt((bu - au) * (bu - au) + (bv - av) * (bv - av)) as length_m offset 0) measured,
        lateral (select (bu - au) / nullif(length_m, 0) * p_tolerance_m / 2 as eu,
-                       (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev offset 0) over_end
+                       (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev) over_end
   where length_m > 0 and greatest(av, bv) > p_tolerance_m / 8
-    and greatest((p - l) * av - q * (au - l), (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
+    and greatest((p - l) * av - q * (au - l),
+                 (p - l) * bv - q * (bu - l)) > p_tolerance_m / 8 * sqrt((p - l) * (p - l) + q * q)
     and greatest(q * au - p * av, q * bu - p * bv) > p_tolerance_m / 8 * sqrt(p * p + q * q);
 end $$;
-comment on function semap.cut_lines is
-  'The lines in which the triangles of a solid meet the triangles of a surface, in the planes of these.';
 
 -- One point of each part of those triangles of a surface that come near a solid (and how wide the part
 -- is), and all corners of the surface, each with a triangle that it belongs to.
@@ -61,7 +60,7 @@ create or replace function semap.part_points(
   p_tolerance_m double precision
 ) returns table (triangle_no integer, x_m double precision, y_m double precision, z_m double precision,
                  nx double precision, ny double precision, nz double precision, width_m double precision)
-language plpgsql immutable strict parallel safe rows 10000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 10000 as $$
 #variable_conflict use_column
 begin
   if p_surface_nos = '{}' then
@@ -82,7 +81,8 @@ begin
       select f.triangle_no, l, p, q, cell.geom as cell, st_pointonsurface(cell.geom) as middle
       from cut join plane f using (triangle_no),
            lateral st_dump(st_polygonize(array[st_unaryunion(st_collect(lines, st_makeline(array[
-             st_makepoint(0, 0), st_makepoint(l, 0), st_makepoint(p, q), st_makepoint(0, 0)])), p_tolerance_m / 8)])) cell
+             st_makepoint(0, 0), st_makepoint(l, 0), st_makepoint(p, q), st_makepoint(0, 0)])),
+             p_tolerance_m / 8)])) cell
     ) made
     where st_y(middle) > 0 and (p - l) * st_y(middle) - q * (st_x(middle) - l) > 0
       and q * st_x(middle) - p * st_y(middle) > 0
@@ -99,8 +99,6 @@ begin
    from semap.mesh_triangles(p_surface),
         lateral (values (ax_m, ay_m, az_m), (bx_m, by_m, bz_m), (cx_m, cy_m, cz_m)) as corner (x, y, z));
 end $$;
-comment on function semap.part_points is
-  'One point of each part of those triangles of a surface that come near a solid, and all corners of the surface.';
 
 -- Points of a line or of points to compare with a solid: all vertices, and the middle between any two
 -- places of a segment where it may pass through the solid's surface (its planes, edges and corners).
@@ -109,7 +107,8 @@ create or replace function semap.line_points(
 ) returns setof public.geometry
 language sql immutable strict parallel safe rows 100 as $$
   with segment as materialized (
-    select row_number() over () as number, segment.geom, a.x, a.y, a.z, b.x - a.x as dx, b.y - a.y as dy, b.z - a.z as dz
+    select row_number() over () as number, segment.geom, a.x, a.y, a.z, b.x - a.x as dx, b.y - a.y as dy,
+           b.z - a.z as dz
     from st_dumpsegments(p_line) segment, semap.plain_coordinates(st_startpoint(segment.geom)) a,
          semap.plain_coordinates(st_endpoint(segment.geom)) b
   ), near as (
@@ -123,15 +122,19 @@ language sql immutable strict parallel safe rows 100 as $$
     union
     select number, t
     from near, generate_series(1, 3) k,
-         lateral (select corner[k][1] as ax, corner[k][2] as ay, corner[k][3] as az, corner[k + 1][1] - corner[k][1] as ex,
+         lateral (select corner[k][1] as ax, corner[k][2] as ay, corner[k][3] as az,
+                  corner[k + 1][1] - corner[k][1] as ex,
                          corner[k + 1][2] - corner[k][2] as ey, corner[k + 1][3] - corner[k][3] as ez,
-                         corner[2][1] - corner[1][1] as ux, corner[2][2] - corner[1][2] as uy, corner[2][3] - corner[1][3] as uz,
-                         corner[3][1] - corner[1][1] as vx, corner[3][2] - corner[1][2] as vy, corner[3][3] - corner[1][3] as vz offset 0) e,
+                         corner[2][1] - corner[1][1] as ux, corner[2][2] - corner[1][2] as uy,
+                         corner[2][3] - corner[1][3] as uz,
+                         corner[3][1] - corner[1][1] as vx, corner[3][2] - corner[1][2] as vy,
+                         corner[3][3] - corner[1][3] as vz) e,
          lateral (select dy * ez - dz * ey as mx, dz * ex - dx * ez as my, dx * ey - dy * ex as mz,
                          uy * vz - uz * vy as nx, uz * vx - ux * vz as ny, ux * vy - uy * vx as nz offset 0) n,
          unnest(array[
            (ax * dx + ay * dy + az * dz) / nullif(dx * dx + dy * dy + dz * dz, 0),
-           (mx * (ay * ez - az * ey) + my * (az * ex - ax * ez) + mz * (ax * ey - ay * ex)) / nullif(mx * mx + my * my + mz * mz, 0),
+           (mx * (ay * ez - az * ey) + my * (az * ex - ax * ez) + mz * (ax * ey - ay * ex))
+             / nullif(mx * mx + my * my + mz * mz, 0),
            (ax * nx + ay * ny + az * nz) / nullif(dx * nx + dy * ny + dz * nz, 0)]) t
     where t > 0 and t < 1
   ), part as (
@@ -141,5 +144,3 @@ language sql immutable strict parallel safe rows 100 as $$
   union all
   select geom from st_dumppoints(p_line)
 $$;
-comment on function semap.line_points is
-  'Points of a line or of points to compare with a solid: its vertices, and one between any two possible crossings.';

@@ -6,7 +6,7 @@
 create or replace function semap.ray_hits(
   p_mesh public.geometry, p_x_m double precision[], p_y_m double precision[], p_z_m double precision[]
 ) returns table (point_no integer, turn double precision, doubtful boolean)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 #variable_conflict use_column
 begin
   return query
@@ -30,8 +30,10 @@ begin
   ), celled as (
     select i, j, flat.*, near_m
     from flat cross join grid,
-         generate_series(floor((flat.x0 - near_m - grid.x0) / dx)::integer, floor((flat.x1 + near_m - grid.x0) / dx)::integer) i,
-         generate_series(floor((flat.y0 - near_m - grid.y0) / dy)::integer, floor((flat.y1 + near_m - grid.y0) / dy)::integer) j
+         generate_series(floor((flat.x0 - near_m - grid.x0) / dx)::integer,
+                         floor((flat.x1 + near_m - grid.x0) / dx)::integer) i,
+         generate_series(floor((flat.y0 - near_m - grid.y0) / dy)::integer,
+                         floor((flat.y1 + near_m - grid.y0) / dy)::integer) j
   ), point as (
     select number::integer as number, x, y, z, floor((x - x0) / dx)::integer as i, floor((y - y0) / dy)::integer as j
     from (select number, x - 0.2137521 * z as x, y - 0.3719053 * z as y, z
@@ -44,14 +46,12 @@ begin
                  sign(area) * wc / nullif(abs(bx - ax) + abs(by - ay), 0)) as within_m
     from point join celled using (i, j), lateral (
       select (cx - bx) * (y - by) - (cy - by) * (x - bx) as wa, (ax - cx) * (y - cy) - (ay - cy) * (x - cx) as wb,
-             (bx - ax) * (y - ay) - (by - ay) * (x - ax) as wc offset 0) w
+             (bx - ax) * (y - ay) - (by - ay) * (x - ax) as wc) w
     where x between x0 - near_m and x1 + near_m and y between y0 - near_m and y1 + near_m
   )
   select number, turn, abs(within_m) <= near_m or hit_z is null
   from met where within_m >= -near_m and (hit_z is null or hit_z > z or within_m <= near_m);
 end $$;
-comment on function semap.ray_hits is
-  'Where upward rays from points, numbered 1, 2, ..., leave a mesh (turn 1) or enter it (-1).';
 
 -- The winding number of a mesh around each of the points 1, 2, ...: from rays where the mesh is closed
 -- and the ray is in no doubt, or else the sum of the solid angles of all triangles.
@@ -59,7 +59,7 @@ create or replace function semap.windings_3d(
   p_mesh public.geometry, p_x_m double precision[], p_y_m double precision[], p_z_m double precision[],
   p_closed boolean
 ) returns table (point_no integer, winding double precision)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 #variable_conflict use_column
 begin
   return query
@@ -75,5 +75,3 @@ begin
   from unnest(p_x_m, p_y_m, p_z_m) with ordinality given (x, y, z, number)
   left join hit on hit.point_no = number;
 end $$;
-comment on function semap.windings_3d is
-  'The winding number of a mesh around each of the points 1, 2, ....';

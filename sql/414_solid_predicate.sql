@@ -10,8 +10,6 @@ language sql immutable strict parallel safe as $$
   select case when not st_expand(st_force3d(p_point), p_tolerance_m) &&& p_mesh then false
               else semap.winding_3d(p_mesh, p_point) > 0.5 or semap.surface_gap_3d(p_mesh, p_point) <= p_tolerance_m end
 $$;
-comment on function semap.inside_3d is
-  'Whether a point lies in a solid or within the tolerance of its boundary; exact up to the tolerance.';
 
 -- How the surface of one thing lies to a solid: one point [m] of each part, on the boundary (within the
 -- tolerance), or with the solid's winding number; where the part lies on a face of the solid, whether
@@ -23,7 +21,7 @@ create or replace function semap.surface_parts(
 ) returns table (x_m double precision, y_m double precision, z_m double precision,
                  nx double precision, ny double precision, nz double precision, width_m double precision,
                  is_on boolean, faces_along boolean, faces_against boolean, winding double precision)
-language plpgsql immutable strict parallel safe rows 1000 set enable_nestloop = off as $$
+language plpgsql immutable strict parallel safe rows 1000 as $$
 begin
   return query
   with point as materialized (
@@ -35,7 +33,7 @@ begin
     from unnest(p_surface_nos, p_solid_nos) pair (a_no, b_no)
     join point p on p.triangle_no = a_no
     join semap.triangle_planes(p_solid) o on o.triangle_no = b_no,
-         lateral (select p.x_m - ox as x, p.y_m - oy as y, p.z_m - oz as z offset 0) d
+         lateral (select p.x_m - ox as x, p.y_m - oy as y, p.z_m - oz as z) d
     where semap.triangle_gap_m(o.l, o.p, o.q, x * o.ux + y * o.uy + z * o.uz, x * o.vx + y * o.vy + z * o.vz,
                                x * o.nx + y * o.ny + z * o.nz) <= p_tolerance_m
     group by p.number
@@ -51,8 +49,6 @@ begin
          coalesce(t.along, false), coalesce(t.against, false), turned.winding
   from point p left join touched t using (number) left join turned using (number);
 end $$;
-comment on function semap.surface_parts is
-  'How the surface of one thing lies to a solid: one point [m] of each part, on the boundary or with the winding number.';
 
 -- The pairs of triangles of two meshes that come within a distance of each other, by their boxes, as
 -- one array for each mesh.
@@ -63,8 +59,6 @@ language sql immutable strict parallel safe as $$
   select coalesce(array_agg(a_no), '{}'), coalesce(array_agg(b_no), '{}')
   from semap.near_triangles(p_a, p_b, p_within_m)
 $$;
-comment on function semap.near_pairs is
-  'The pairs of triangles of two meshes that come within a distance of each other, as one array for each mesh.';
 
 -- Whether a point is farther than the tolerance from a solid's surface, and inside or outside as wanted.
 create or replace function semap.is_deep_3d(
@@ -74,8 +68,6 @@ language sql immutable strict parallel safe as $$
   select case when semap.surface_gap_3d(p_solid, p_point) <= p_tolerance_m then false
               else (semap.winding_3d(p_solid, p_point) > 0.5) = p_inside end
 $$;
-comment on function semap.is_deep_3d is
-  'Whether a point is farther than the tolerance from a solid''s surface, and inside or outside as wanted.';
 
 -- Whether every point of the content lies in the container or within the tolerance of it. Exact up to the
 -- tolerance for any closed container, also a concave one; the content may be a solid, an open surface,
@@ -111,14 +103,13 @@ begin
   end if;
   -- the container's own surface within the content is a cavity there, and so is what all of the
   -- content's surface faces against
-  return not exists (select from semap.surface_parts(p_container, p_content, v_near.b_nos, v_near.a_nos, true, p_tolerance_m)
+  return not exists (select from semap.surface_parts(p_container, p_content, v_near.b_nos, v_near.a_nos, true,
+                                                     p_tolerance_m)
                      where not is_on and winding > 0.5)
      and not exists (select from unnest(v_behind) point
                      where semap.is_deep_3d(p_content, point, true, p_tolerance_m)
                        and semap.is_deep_3d(p_container, point, false, p_tolerance_m));
 end $$;
-comment on function semap.contains_3d is
-  'Whether every point of the content lies in the container or within the tolerance of it; exact for any closed container.';
 
 -- Whether the interiors of two solids share a volume that is deeper than the tolerance; touching does
 -- not count. Exact up to the tolerance. False where the boxes say so, at once.
@@ -141,14 +132,13 @@ begin
   from semap.surface_parts(p_b, p_a, v_near.a_nos, v_near.b_nos, semap.is_closed_3d(p_a), p_tolerance_m),
        unnest(array[0.3 * width_m, 0.03 * width_m, 4 * p_tolerance_m]) depth_m;
   return coalesce(v_reaches_in, false)
-      or exists (select from semap.surface_parts(p_a, p_b, v_near.b_nos, v_near.a_nos, semap.is_closed_3d(p_b), p_tolerance_m)
+      or exists (select from semap.surface_parts(p_a, p_b, v_near.b_nos, v_near.a_nos, semap.is_closed_3d(p_b),
+                                                 p_tolerance_m)
                  where not is_on and winding > 0.5)
       or exists (select from unnest(v_behind) point
                  where semap.is_deep_3d(p_a, point, true, p_tolerance_m)
                    and semap.is_deep_3d(p_b, point, true, p_tolerance_m));
 end $$;
-comment on function semap.overlaps_3d is
-  'Whether the interiors of two solids share a volume that is deeper than the tolerance; touching does not count.';
 
 -- Whether two surfaces (or lines, points) come within a distance of each other; exact up to rounding.
 create or replace function semap.surfaces_within_3d(
@@ -164,8 +154,6 @@ begin
      and coalesce(semap.corner_gap_3d(v_a, v_b, v_near.a_nos, v_near.b_nos) <= p_within_m
                or semap.edge_gap_3d(v_a, v_b, v_near.a_nos, v_near.b_nos) <= p_within_m, false);
 end $$;
-comment on function semap.surfaces_within_3d is
-  'Whether two surfaces (or lines, points) come within a distance of each other; exact up to rounding.';
 
 -- Whether a part of the surface (line, points) of something whose surface stays away from that of a
 -- closed solid lies inside: one corner of each part decides.
@@ -184,8 +172,6 @@ begin
         where geom &&& p_solid) corner;
   return exists (select from semap.windings_3d(p_solid, v_x_m, v_y_m, v_z_m, true) where winding > 0.5);
 end $$;
-comment on function semap.holds_part_3d is
-  'Whether a part of something whose surface stays away from that of a closed solid lies inside it.';
 
 -- Whether two things share a point, or come within the tolerance of each other; closed meshes are taken
 -- as solids. Exact up to the tolerance. False where the boxes say so, at once.
@@ -197,8 +183,6 @@ language sql immutable strict parallel safe as $$
               else semap.surfaces_within_3d(p_a, p_b, p_tolerance_m)
                 or semap.holds_part_3d(p_a, p_b) or semap.holds_part_3d(p_b, p_a) end
 $$;
-comment on function semap.intersects_3d is
-  'Whether two things share a point, or come within the tolerance of each other; closed meshes are taken as solids.';
 
 -- The distance [m] to a surface from that corner of another which is nearest to the middle of its box: a
 -- bound for the least distance. Infinite to what has no area.
@@ -208,14 +192,13 @@ language sql immutable strict parallel safe as $$
   select coalesce((
     select semap.surface_gap_3d(p_surface, geom)
     from (select box3d(p_surface) as bounds offset 0) whole,
-         semap.plain_coordinates(st_makepoint((st_xmin(bounds) + st_xmax(bounds)) / 2, (st_ymin(bounds) + st_ymax(bounds)) / 2,
+         semap.plain_coordinates(st_makepoint((st_xmin(bounds) + st_xmax(bounds)) / 2,
+                                              (st_ymin(bounds) + st_ymax(bounds)) / 2,
                                               (st_zmin(bounds) + st_zmax(bounds)) / 2)) middle,
          st_dumppoints(p_other), semap.plain_coordinates(geom) corner
     order by (corner.x - middle.x) ^ 2 + (corner.y - middle.y) ^ 2 + (corner.z - middle.z) ^ 2
     limit 1), 'infinity')
 $$;
-comment on function semap.gap_from_facing_corner_3d is
-  'The distance [m] to a surface from that corner of another which is nearest to the middle of its box.';
 
 -- The least distance [m] between two surfaces (or lines, points); exact up to rounding.
 create or replace function semap.surface_distance_3d(p_a public.geometry, p_b public.geometry)
@@ -238,8 +221,6 @@ begin
   from unnest(v_a_nos, v_b_nos, v_gaps_m) pair (a_no, b_no, gap_m) where gap_m < v_corner;
   return nullif(least(v_corner, semap.edge_gap_3d(v_a, v_b, v_a_nos, v_b_nos)), 'infinity');
 end $$;
-comment on function semap.surface_distance_3d is
-  'The least distance [m] between two surfaces (or lines, points); exact up to rounding.';
 
 -- The least distance [m] between two things, closed meshes taken as solids: 0 where one is within the
 -- other, or where they come within a nanometre. Exact up to rounding.
@@ -247,5 +228,3 @@ create or replace function semap.distance_3d(p_a public.geometry, p_b public.geo
 language sql immutable strict parallel safe as $$
   select case when semap.intersects_3d(p_a, p_b, 1e-9) then 0 else semap.surface_distance_3d(p_a, p_b) end
 $$;
-comment on function semap.distance_3d is
-  'The least distance [m] between two things, closed meshes taken as solids: 0 where one is within the other.';

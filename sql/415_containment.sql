@@ -16,8 +16,6 @@ language sql immutable parallel safe as $$
                          || string_agg(set_byte(st_asewkb(t.geom, 'NDR'), 1, 17), ''::bytea order by t.path))
   from st_dump(p_shapes) t
 $$;
-comment on function semap.one_tin is
-  'The triangles of shapes as one TIN.';
 
 -- The body of an instance in the map frame, all its meshes as one TIN; null without one or where it is not placed.
 create or replace function semap.body_of(p_instance_id bigint) returns public.geometry
@@ -37,8 +35,6 @@ begin
       where i.instance_id = p_instance_id and g.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D') and f.pose is not null
     ) part);
 end $$;
-comment on function semap.body_of is
-  'The body of an instance in the map frame, all its meshes as one TIN; null without one.';
 
 -- The lowest height [m] of an instance: of its footprint if that has heights, else of its body or position.
 create or replace function semap.bottom_m(p_instance_id bigint, p_z_min_m double precision) returns double precision
@@ -52,8 +48,6 @@ begin
     (select st_z(geometry) from semap.abstraction where instance_id = p_instance_id and type = 'Position3D'),
     '-infinity');
 end $$;
-comment on function semap.bottom_m is
-  'The lowest height [m] of an instance: of its footprint if that has heights, else of its body or position.';
 
 -- The greatest height [m] of an instance: of its footprint if that has heights, else of its body or position.
 create or replace function semap.top_m(p_instance_id bigint, p_z_max_m double precision) returns double precision
@@ -67,13 +61,12 @@ begin
     (select st_z(geometry) from semap.abstraction where instance_id = p_instance_id and type = 'Position3D'),
     'infinity');
 end $$;
-comment on function semap.top_m is
-  'The greatest height [m] of an instance: of its footprint if that has heights, else of its body or position.';
 
 -- Things without a footprint whose position lies in the box of a reference's footprint, on the same map.
 create or replace function semap.position_pairs(p_reference_ids bigint[], p_target_ids bigint[] default null)
 returns table (
-  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision, reference_z_max_m double precision,
+  reference_id bigint, reference_area public.geometry, reference_z_min_m double precision,
+  reference_z_max_m double precision,
   target_id bigint, target_area public.geometry, target_z_min_m double precision, target_z_max_m double precision
 )
 language sql stable parallel safe as $$
@@ -99,8 +92,6 @@ language sql stable parallel safe as $$
     and t.instance_id = any (p_target_ids) and t.type = 'Position2D' and t.instance_id <> r.instance_id
     and not exists (select from semap.abstraction f where f.instance_id = t.instance_id and f.type = 'Footprint')
 $$;
-comment on function semap.position_pairs is
-  'Things without a footprint whose position lies in the box of a reference''s footprint, on the same map.';
 
 -- Whether one prism holds another, or some of it ('within', 'partly'), or they share a point ('meets').
 create or replace function semap.prisms_relate(
@@ -122,8 +113,6 @@ begin
          and st_intersects(p_area, p_other)
          and (st_contains(p_area, p_other) or st_relate(p_area, p_other, 'T********'));
 end $$;
-comment on function semap.prisms_relate is
-  'Whether one prism holds another, or some of it (within, partly), or they share a point (meets).';
 
 -- The prism over an area; what is flat is a micrometre thick, within the tolerance of the predicates.
 create or replace function semap.prism_between(
@@ -134,15 +123,15 @@ begin
   return semap.extruded(p_area, case when p_top_m - p_bottom_m < 1e-6 then p_bottom_m - 5e-7 else p_bottom_m end,
                         case when p_top_m - p_bottom_m < 1e-6 then p_bottom_m + 5e-7 else p_top_m end);
 end $$;
-comment on function semap.prism_between is
-  'The prism over an area; what is flat is a micrometre thick, within the tolerance of the predicates.';
 
 
--- The same of bodies, where there are any; prisms stand for bodies that are not there, points for what is no more.
+-- Whether one body holds another, or some of it, or they share a point; prisms stand for bodies that are not there,
+-- points for what is no more.
 create or replace function semap.bodies_relate(
   p_relation text,
   p_area public.geometry, p_bottom_m double precision, p_top_m double precision, p_body public.geometry,
-  p_other public.geometry, p_other_bottom_m double precision, p_other_top_m double precision, p_other_body public.geometry
+  p_other public.geometry, p_other_bottom_m double precision, p_other_top_m double precision,
+  p_other_body public.geometry
 ) returns boolean
 language plpgsql stable parallel safe as $$
 declare
@@ -160,10 +149,12 @@ begin
   end if;
   -- a prism without an end is cut off well beyond the other
   if v_body is null then
-    v_body := semap.prism_between(p_area, greatest(p_bottom_m, p_other_bottom_m - 1), least(p_top_m, p_other_top_m + 1));
+    v_body := semap.prism_between(p_area, greatest(p_bottom_m, p_other_bottom_m - 1),
+                                  least(p_top_m, p_other_top_m + 1));
   end if;
   if v_other is null and st_dimension(p_other) = 2 then
-    v_other := semap.prism_between(p_other, greatest(p_other_bottom_m, p_bottom_m - 1), least(p_other_top_m, p_top_m + 1));
+    v_other := semap.prism_between(p_other, greatest(p_other_bottom_m, p_bottom_m - 1),
+                                   least(p_other_top_m, p_top_m + 1));
   elsif v_other is null then
     v_other := st_makepoint(st_x(p_other), st_y(p_other),
                             least(greatest(p_other_bottom_m, p_bottom_m), p_other_top_m));
@@ -177,8 +168,6 @@ begin
   end if;
   return semap.overlaps_3d(v_body, v_other) or semap.contains_3d(v_body, v_other);
 end $$;
-comment on function semap.bodies_relate is
-  'Whether one body holds another, or some of it, or they share a point; prisms stand for bodies that are not there.';
 
 -- Refuse a mode other than '2d' and '3d'.
 create or replace function semap.require_mode(p_mode text) returns void
@@ -189,8 +178,6 @@ begin
       using errcode = 'invalid_parameter_value', hint = 'Use 2d (footprints and heights) or 3d (bodies).';
   end if;
 end $$;
-comment on function semap.require_mode is
-  'Refuse a mode other than 2d and 3d.';
 
 -- Pairs of things of one map of which a relation holds: the target is within the reference, partly in it, or
 -- meets it. Prisms are compared first; bodies are looked at only where footprints and heights meet.
@@ -207,7 +194,8 @@ begin
             union all select * from semap.position_pairs(p_reference_ids, p_target_ids)) p
       where semap.prisms_relate(
         p_relation,
-        p.reference_area, semap.bottom_m(p.reference_id, p.reference_z_min_m), semap.top_m(p.reference_id, p.reference_z_max_m),
+        p.reference_area, semap.bottom_m(p.reference_id, p.reference_z_min_m),
+        semap.top_m(p.reference_id, p.reference_z_max_m),
         p.target_area, semap.bottom_m(p.target_id, p.target_z_min_m), semap.top_m(p.target_id, p.target_z_max_m));
   else
     return query
@@ -215,7 +203,8 @@ begin
         select p.reference_id, p.reference_area, p.target_id, p.target_area,
                semap.bottom_m(p.reference_id, p.reference_z_min_m) as r_low,
                semap.top_m(p.reference_id, p.reference_z_max_m) as r_high,
-               semap.bottom_m(p.target_id, p.target_z_min_m) as t_low, semap.top_m(p.target_id, p.target_z_max_m) as t_high
+               semap.bottom_m(p.target_id, p.target_z_min_m) as t_low,
+               semap.top_m(p.target_id, p.target_z_max_m) as t_high
         from (select * from semap.footprint_pairs(p_reference_ids, p_target_ids)
               union all select * from semap.position_pairs(p_reference_ids, p_target_ids)) p
         where st_dwithin(p.reference_area, p.target_area, 1e-6)
@@ -235,8 +224,6 @@ begin
                                 n.target_area, n.t_low, n.t_high, t.body);
   end if;
 end $$;
-comment on function semap.related_pairs is
-  'Pairs of things of which a relation holds: the target is within the reference, partly in it, or meets it.';
 
 -- What is in the references: strictly (completely within; touching from inside counts), or relaxed (some of it
 -- lies inside; what only touches from outside is not in). Exact for prisms ('2d') or for bodies ('3d').
@@ -244,10 +231,9 @@ create or replace function semap.in_objects(
   p_reference_ids bigint[], p_target_ids bigint[] default null, p_mode text default '2d', p_strict boolean default false
 ) returns table (reference_id bigint, target_id bigint)
 language sql stable parallel safe as $$
-  select * from semap.related_pairs(case when p_strict then 'within' else 'partly' end, p_reference_ids, p_target_ids, p_mode)
+  select * from semap.related_pairs(case when p_strict then 'within' else 'partly' end, p_reference_ids, p_target_ids,
+                                    p_mode)
 $$;
-comment on function semap.in_objects is
-  'What is in the references: completely within (strict), or with some of it (relaxed).';
 
 -- What shares a point with the references; touching counts. Exact for prisms ('2d') or for bodies ('3d').
 create or replace function semap.intersecting_objects(
@@ -256,12 +242,11 @@ create or replace function semap.intersecting_objects(
 language sql stable parallel safe as $$
   select * from semap.related_pairs('meets', p_reference_ids, p_target_ids, p_mode)
 $$;
-comment on function semap.intersecting_objects is
-  'What shares a point with the references; touching counts.';
 
 -- The height [m] of the upward face of a body beneath an area that is nearest to a height; null where none is
 -- beneath it. Of a slope counts its highest place beneath the area.
-create or replace function semap.surface_beneath(p_body public.geometry, p_area public.geometry, p_height_m double precision)
+create or replace function semap.surface_beneath(p_body public.geometry, p_area public.geometry,
+                                                 p_height_m double precision)
 returns double precision
 language sql immutable parallel safe as $$
   select s.height_m
@@ -277,7 +262,8 @@ language sql immutable parallel safe as $$
            (bz - az) * (cx - ax) - (cz - az) * (bx - ax) as ny) n
   cross join lateral (
     select st_intersection(st_makepolygon(st_makeline(array[
-             st_makepoint(ax, ay), st_makepoint(bx, by), st_makepoint(cx, cy), st_makepoint(ax, ay)])), p_area) as overlap) o
+             st_makepoint(ax, ay), st_makepoint(bx, by), st_makepoint(cx, cy), st_makepoint(ax, ay)])),
+             p_area) as overlap) o
   cross join lateral (
     select max(az - (nx * (st_x(d.geom) - ax) + ny * (st_y(d.geom) - ay)) / nz) as height_m
     from st_dumppoints(o.overlap) d) s
@@ -286,8 +272,6 @@ language sql immutable parallel safe as $$
   order by abs(s.height_m - p_height_m)
   limit 1
 $$;
-comment on function semap.surface_beneath is
-  'The height [m] of the upward face of a body beneath an area that is nearest to a height.';
 
 -- What rests on the references: their footprints overlap, and the target's lowest height is within the tolerance
 -- of a surface of the reference beneath it (a body: any upward face under the target's footprint, so that a shelf
@@ -317,8 +301,6 @@ language sql stable parallel safe as $$
                              else semap.surface_beneath(b.body, o.target_area, o.bottom_m) end as gap_m offset 0) g
   where abs(g.gap_m) <= p_tolerance_m
 $$;
-comment on function semap.on_objects is
-  'What rests on the references: its lowest height is within the tolerance of a surface of the reference beneath it.';
 
 -- What lies in an area of the map, seen from above: completely within (strict; on the boundary counts), or sharing a
 -- point with it (relaxed). Compared is one of the flat abstractions, at whatever height.
@@ -340,8 +322,6 @@ begin
     p_abstraction, case when p_strict then 'st_coveredby(a.geometry, $1)' else 'st_intersects(a.geometry, $1)' end)
     using p_area, p_map_id, p_target_ids;
 end $$;
-comment on function semap.in_area is
-  'What lies in an area of the map, seen from above: completely within (strict), or sharing a point with it (relaxed).';
 
 -- What lies in a volume: a closed TIN, or an area between two heights. Completely within (strict; touching from
 -- inside counts), or sharing a point with it (relaxed). Things count as bodies, or as prisms where they have none.
@@ -353,7 +333,8 @@ language plpgsql stable parallel safe as $$
 declare
   v_is_body    boolean := st_zmflag(p_volume) = 2 and geometrytype(p_volume) in ('TIN', 'POLYHEDRALSURFACE');
   v_body       public.geometry := case when v_is_body then p_volume end;
-  v_area       public.geometry := case when v_is_body then st_envelope(st_force2d(p_volume)) else st_force2d(p_volume) end;
+  v_area       public.geometry := case when v_is_body then st_envelope(st_force2d(p_volume))
+                                       else st_force2d(p_volume) end;
   v_bottom_m   double precision := case when v_is_body then st_zmin(p_volume) else p_z_min_m end;
   v_top_m      double precision := case when v_is_body then st_zmax(p_volume) else p_z_max_m end;
   v_relation   text := case when p_strict then 'within' else 'meets' end;
@@ -377,5 +358,3 @@ begin
       and semap.bodies_relate(v_relation, v_area, v_bottom_m, v_top_m, v_body,
                               t.geometry, t.bottom_m, t.top_m, semap.body_of(t.instance_id));
 end $$;
-comment on function semap.in_volume is
-  'What lies in a volume, a closed TIN or an area between two heights: completely within (strict), or sharing a point (relaxed).';

@@ -11,8 +11,6 @@ begin
   end if;
   return (select geometry from semap.abstraction where instance_id = p_instance_id and type = p_abstraction);
 end $$;
-comment on function semap.shape_of is
-  'The shape of an instance that an abstraction names; Body names its body in the map.';
 
 -- A corner of a mesh, or a point itself.
 create or replace function semap.first_corner(p_shape public.geometry) returns public.geometry
@@ -21,8 +19,6 @@ begin
   return case when st_dimension(p_shape) = 0 then p_shape
               else st_pointn(st_exteriorring(st_geometryn(p_shape, 1)), 1) end;
 end $$;
-comment on function semap.first_corner is
-  'A corner of a mesh, or a point itself.';
 
 -- The shortest straight line from one body to another, of no length where one holds a point of the other. Of convex
 -- bodies, which are in one piece, one corner tells whether they lie in one another.
@@ -52,14 +48,13 @@ begin
   -- of a micrometre aside it finds it
   if v_point is null and semap.intersects_3d(p_a, p_b, 1e-9) then
     select st_startpoint(line) into v_point
-    from (values (1e-7, 0, 0), (0, 1e-7, 0), (0, 0, 1e-7), (-1e-7, 0, 0), (0, -1e-7, 0), (0, 0, -1e-7)) aside (x_m, y_m, z_m),
+    from (values (1e-7, 0, 0), (0, 1e-7, 0), (0, 0, 1e-7), (-1e-7, 0, 0), (0, -1e-7, 0),
+          (0, 0, -1e-7)) aside (x_m, y_m, z_m),
          lateral (select st_3dshortestline(st_translate(p_a, x_m, y_m, z_m), p_b) as line) l
     order by st_3dlength(line) limit 1;
   end if;
   return coalesce(st_makeline(v_point, v_point), v_line);
 end $$;
-comment on function semap.shortest_line_3d is
-  'The shortest straight line from one body to another, of no length where one holds a point of the other.';
 
 -- The shortest ('min') or longest ('max') straight line from one shape to another: as solids if both are of space,
 -- else seen from above.
@@ -79,8 +74,6 @@ begin
   return case p_mode when 'min' then st_shortestline(st_force2d(p_a), st_force2d(p_b))
                      else st_longestline(st_points(st_force2d(p_a)), st_points(st_force2d(p_b))) end;
 end $$;
-comment on function semap.line_between is
-  'The shortest (min) or longest (max) straight line from one shape to another.';
 
 -- The distance [m] of each pair of things, least ('min') or greatest ('max'), and the points that are so far apart.
 -- The abstractions are those of p_abstraction, unless one is named for either side; 'Body' measures bodies.
@@ -110,11 +103,10 @@ begin
            case when st_zmflag(line) = 2 then st_3dlength(line) else st_length(line) end,
            st_startpoint(line), st_endpoint(line)
     from r join t on t.map_id = r.map_id and t.instance_id <> r.instance_id
-    cross join lateral (select semap.line_between(r.shape, t.shape, p_mode, 'Body' not in (v_reference, v_target)) as line offset 0) l
+    cross join lateral (select semap.line_between(r.shape, t.shape, p_mode, 'Body' not in (v_reference, v_target))
+                        as line offset 0) l
     where r.shape is not null and t.shape is not null;
 end $$;
-comment on function semap.distances is
-  'The distance [m] of each pair of things, least (min) or greatest (max), and the points that are so far apart.';
 
 -- The distance [m] of two convex solids: 0 where one lies in the other.
 create or replace function semap.gap_3d(p_a public.geometry, p_b public.geometry) returns double precision
@@ -128,8 +120,6 @@ begin
   end if;
   return v_gap_m;
 end $$;
-comment on function semap.gap_3d is
-  'The distance [m] of two convex solids: 0 where one lies in the other.';
 
 -- Whether two abstractions are both of space; refuses one that is flat beside one that is not.
 create or replace function semap.both_in_space(p_a text, p_b text) returns boolean
@@ -141,8 +131,6 @@ begin
   end if;
   return semap.dimensions_of(p_a) = 3;
 end $$;
-comment on function semap.both_in_space is
-  'Whether two abstractions are both of space; refuses one that is flat beside one that is not.';
 
 -- Things whose distance [m] from a reference lies between two limits, both of them included; fully: of which every
 -- point lies at least p_min_m and at most p_max_m from every point of the reference. The abstractions are both flat,
@@ -182,8 +170,6 @@ begin
                else coalesce(p_reference_ids, array(select instance_id from semap.instance)) end,
           case when not v_backwards then p_target_ids end, p_min_m, p_max_m, p_fully;
 end $$;
-comment on function semap.within_range is
-  'Things whose distance [m] from a reference lies between two limits; fully: every point of them.';
 
 -- The statement that finds the nearest $1 of the targets $2 (null: all) to each shape s (instance_id, map_id, geometry)
 -- of a query: among few targets by their keys, else by boxes: a box that grows until it meets enough things gives a
@@ -211,22 +197,22 @@ declare
 begin
   if p_by_key then
     return format('select s.instance_id, n.instance_id, n.distance_m, n.rank from (%s) s', p_shapes) || format(
-      ' cross join lateral (select f.*, (row_number() over (order by distance_m, instance_id))::integer as rank from (%s) f) n',
+      ' cross join lateral (select f.*, (row_number() over (order by distance_m, instance_id))::integer as rank'
+      ' from (%s) f) n',
       format(v_best, format('select a.instance_id, a.geometry from semap.abstraction a'
                             ' where a.instance_id = any ($2) and a.type = %L and %s', p_abstraction, v_is_candidate)));
   end if;
   return format('select s.instance_id, n.instance_id, n.distance_m, n.rank from (%s) s', p_shapes)
     || ' cross join lateral (select coalesce(('
     || '   select e.radius_m from (select 0.1 * 1.5 ^ generate_series(0, 45) as radius_m) e'
-    || '   where (select count(*) from (' || format(v_boxed, 'e.radius_m') || ' limit $1) few) >= $1 limit 1), 1e9) as radius_m offset 0) r'
+    || '   where (select count(*) from (' || format(v_boxed, 'e.radius_m')
+    || ' limit $1) few) >= $1 limit 1), 1e9) as radius_m offset 0) r'
     || ' cross join lateral (select max(distance_m) * (1 + 1e-12) + 1e-9 as reach_m from ('
     ||   replace(format(v_best, format(v_boxed, 'r.radius_m')), v_distance, v_bound) || ') f offset 0) b'
     || ' cross join lateral ('
     || '   select f.*, (row_number() over (order by distance_m, instance_id))::integer as rank from ('
     ||   format(v_best, format(v_boxed, 'b.reach_m')) || ') f) n';
 end $$;
-comment on function semap.nearest_statement is
-  'The statement that finds the nearest targets to each shape of a query, by growing boxes or by keys.';
 
 -- The p_count targets that are nearest to each reference, nearest first; of those as near as one another the ones
 -- of lower ids. The abstractions are both flat, or both of space.
@@ -248,8 +234,6 @@ begin
     cardinality(p_target_ids) <= 1000)
     using p_count, p_target_ids, p_reference_ids;
 end $$;
-comment on function semap.nearest is
-  'The p_count targets that are nearest to each reference, nearest first.';
 
 -- The p_count targets of a map that are nearest to a point, or any other shape, nearest first. A flat abstraction is
 -- measured seen from above; one of space wants a point with a height.
@@ -272,5 +256,3 @@ begin
     using p_count, p_target_ids, p_map_id,
           case when semap.dimensions_of(p_abstraction) = 3 then p_point else st_force2d(p_point) end;
 end $$;
-comment on function semap.nearest_to is
-  'The p_count targets of a map that are nearest to a point, or any other shape, nearest first.';

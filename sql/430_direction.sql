@@ -20,7 +20,8 @@ begin
   from semap.abstraction where instance_id = p_instance_id and type = 'BoundingHull';
   if not found then
     select st_collect(
-             st_translate(st_force3d(st_points(f.geometry)), 0, 0, greatest(semap.bottom_m(p_instance_id, f.z_min_m), -1e5)),
+             st_translate(st_force3d(st_points(f.geometry)), 0, 0,
+                          greatest(semap.bottom_m(p_instance_id, f.z_min_m), -1e5)),
              st_translate(st_force3d(st_points(f.geometry)), 0, 0, least(semap.top_m(p_instance_id, f.z_max_m), 1e5)))
       into v_corners
     from semap.abstraction f
@@ -29,8 +30,6 @@ begin
   end if;
   return v_corners;
 end $$;
-comment on function semap.corners_of is
-  'The corners of the hull of an instance, as points with heights.';
 
 -- The convex hull of an instance as a closed TIN; null of what is but a point.
 create or replace function semap.hull_of(p_instance_id bigint) returns public.geometry
@@ -42,8 +41,6 @@ begin
                            least(semap.top_m(p_instance_id, f.z_max_m), 1e5))
      from semap.abstraction f where f.instance_id = p_instance_id and f.type = 'FootprintHull'));
 end $$;
-comment on function semap.hull_of is
-  'The convex hull of an instance as a closed TIN; null of what is but a point.';
 
 -- map_T_axes: the frame in which directions around an instance are meant.
 create or replace function semap.direction_axes(p_instance_id bigint, p_frame text, p_viewer semap.pose default null)
@@ -55,7 +52,8 @@ declare
   v_y_m     double precision;
 begin
   if p_frame = 'object' then
-    return (select f.pose from semap.instance i, semap.frames_in_root(array[i.frame_id]) f where i.instance_id = p_instance_id);
+    return (select f.pose from semap.instance i, semap.frames_in_root(array[i.frame_id]) f
+            where i.instance_id = p_instance_id);
   elsif p_frame = 'map' then
     return row(0, 0, 0, 0, 0, 0, 1)::semap.pose;
   elsif p_frame is distinct from 'viewer' then
@@ -70,10 +68,9 @@ begin
   v_x_m := st_x(v_centre) - (p_viewer).x_m;
   v_y_m := st_y(v_centre) - (p_viewer).y_m;
   return semap.pose_from_yaw((p_viewer).x_m, (p_viewer).y_m, 0,
-                             case when v_x_m ^ 2 + v_y_m ^ 2 > 1e-12 then atan2(v_y_m, v_x_m) else semap.yaw(p_viewer) end);
+                             case when v_x_m ^ 2 + v_y_m ^ 2 > 1e-12 then atan2(v_y_m, v_x_m)
+                                  else semap.yaw(p_viewer) end);
 end $$;
-comment on function semap.direction_axes is
-  'map_T_axes: the frame in which directions around an instance are meant.';
 
 -- The box of a direction region around the extents of a thing, in the frame of these.
 create or replace function semap.region_box(p_extents box3d, p_region text, p_reach_m double precision) returns box3d
@@ -106,8 +103,6 @@ begin
       case v_side when 'Bot' then st_zmin(p_extents)
                   when 'Top' then st_zmax(p_extents) + p_reach_m else st_zmax(p_extents) + v_beside end));
 end $$;
-comment on function semap.region_box is
-  'The box of a direction region around the extents of a thing, in the frame of these.';
 
 -- Points of the map in a frame (the inverse of semap.placed).
 create or replace function semap.seen_from(p_points public.geometry, p_axes semap.pose) returns public.geometry
@@ -124,18 +119,15 @@ begin
     2 * (qx * qy - qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz + qx * qw),
     2 * (qx * qz + qy * qw), 2 * (qy * qz - qx * qw), 1 - 2 * (qx * qx + qy * qy), 0, 0, 0);
 end $$;
-comment on function semap.seen_from is
-  'Points of the map in a frame (the inverse of semap.placed).';
 
 -- A box of a frame as a closed TIN in the map.
 create or replace function semap.box_in_map(p_box box3d, p_axes semap.pose) returns public.geometry
 language plpgsql immutable parallel safe as $$
 begin
   return semap.placed(
-    semap.box_3d(st_xmin(p_box), st_ymin(p_box), st_zmin(p_box), st_xmax(p_box), st_ymax(p_box), st_zmax(p_box)), p_axes);
+    semap.box_3d(st_xmin(p_box), st_ymin(p_box), st_zmin(p_box), st_xmax(p_box), st_ymax(p_box), st_zmax(p_box)),
+    p_axes);
 end $$;
-comment on function semap.box_in_map is
-  'A box of a frame as a closed TIN in the map.';
 
 -- One of the twelve direction regions of an instance, {Front,Back,Left,Right,Top,Bot}{Projection,Halfspace}, as a
 -- closed TIN in the map; null where the instance has no shape there.
@@ -148,8 +140,6 @@ language sql stable parallel safe as $$
            semap.region_box(box3d(semap.seen_from(semap.corners_of(p_instance_id), axes)), p_region, p_reach_m), axes)
   from (select semap.direction_axes(p_instance_id, p_frame, p_viewer) as axes offset 0) a
 $$;
-comment on function semap.region_of is
-  'One of the twelve direction regions of an instance as a closed TIN in the map.';
 
 -- The region in which a thing lies in a direction. The axes of a viewer point away from who looks, and in front of a
 -- thing is on the viewer's side of it.
@@ -170,8 +160,6 @@ begin
   end if;
   return v_side || initcap(p_kind);
 end $$;
-comment on function semap.region_named is
-  'The region in which a thing lies in a direction.';
 
 -- Ids of what has its box, by the hull or without one by the outline or the position, within a shape's box.
 create or replace function semap.boxed_by(p_shape public.geometry) returns table (instance_id bigint)
@@ -188,8 +176,6 @@ language sql stable parallel safe rows 10 as $$
     and not exists (select from semap.abstraction h where h.instance_id = a.instance_id
                                                       and h.type in ('BoundingHull', 'FootprintHull'))
 $$;
-comment on function semap.boxed_by is
-  'Ids of what has its box, by the hull or without one by the outline or the position, within a shape''s box.';
 
 -- Whether the convex hull of corners surely meets the inside of a box whose extents it shares: one of them is inside,
 -- or it spans the box along one axis only, or it is itself a box along the axes; null where that is not sure.
@@ -213,13 +199,12 @@ begin
             or bool_and(least(x - st_xmin(p_extents), st_xmax(p_extents) - x) < 1e-9
                         and least(y - st_ymin(p_extents), st_ymax(p_extents) - y) < 1e-9
                         and least(z - st_zmin(p_extents), st_zmax(p_extents) - z) < 1e-9)
-               and count(distinct (v_is_wide_x and st_xmax(p_extents) - x < 1e-9, v_is_wide_y and st_ymax(p_extents) - y < 1e-9,
+               and count(distinct (v_is_wide_x and st_xmax(p_extents) - x < 1e-9,
+                                   v_is_wide_y and st_ymax(p_extents) - y < 1e-9,
                                    v_is_wide_z and st_zmax(p_extents) - z < 1e-9))
                    = (1 + v_is_wide_x::integer) * (1 + v_is_wide_y::integer) * (1 + v_is_wide_z::integer)
      from (select st_x(geom) as x, st_y(geom) as y, st_z(geom) as z from st_dumppoints(p_corners)) corner), false);
 end $$;
-comment on function semap.surely_meets is
-  'Whether the convex hull of corners surely meets the inside of a box whose extents it shares; null where that is not sure.';
 
 -- Whether a thing lies in a region, a box of a frame: wholly (strict), or with some of it (relaxed; to touch it from
 -- outside is not enough), within 1e-6 m. Exact for the thing's convex hull: its extents decide almost always, and
@@ -260,8 +245,6 @@ begin
   -- the first is quick and right where it says yes
   return v_hull is null or st_3ddwithin(v_region, v_hull, 1e-9) or semap.intersects_3d(v_region, v_hull, 1e-9);
 end $$;
-comment on function semap.lies_in_region is
-  'Whether a thing lies in a region, a box of a frame: wholly (strict), or with some of it (relaxed).';
 
 -- What lies in a direction of the references (above, below, left_of, right_of, in_front_of, behind), up to the reach,
 -- in the frame of the thing ('object'), the map ('map') or who looks ('viewer'). gap_m: how far beyond the face of
@@ -282,10 +265,12 @@ begin
       select a.instance_id
       from semap.operands(p_target_ids, null) t
       join semap.instance i on i.map_id = t.map_id
-      join semap.abstraction a on a.instance_id = i.instance_id and a.type in ('BoundingHull', 'FootprintHull', 'Position2D')
-      where st_expand(box2d(a.geometry), 2 * p_reach_m + sqrt((st_xmax(a.geometry) - st_xmin(a.geometry)) ^ 2
-                                                              + (st_ymax(a.geometry) - st_ymin(a.geometry)) ^ 2
-                                                              + (st_zmax(a.geometry) - st_zmin(a.geometry)) ^ 2))::public.geometry
+      join semap.abstraction a on a.instance_id = i.instance_id
+        and a.type in ('BoundingHull', 'FootprintHull', 'Position2D')
+      where st_expand(box2d(a.geometry), 2 * p_reach_m
+                                         + sqrt((st_xmax(a.geometry) - st_xmin(a.geometry)) ^ 2
+                                                + (st_ymax(a.geometry) - st_ymin(a.geometry)) ^ 2
+                                                + (st_zmax(a.geometry) - st_zmin(a.geometry)) ^ 2))::public.geometry
             && semap.corners_of(t.instance_id));
   end if;
   return query
@@ -298,7 +283,8 @@ begin
       select r.*, semap.region_box(r.extents, v_region, p_reach_m) as box
       from reference r where r.extents is not null
     ), pair as materialized (
-      select g.instance_id, g.axes, g.extents, g.box, t.instance_id as other_id, semap.corners_of(t.instance_id) as corners
+      select g.instance_id, g.axes, g.extents, g.box, t.instance_id as other_id,
+             semap.corners_of(t.instance_id) as corners
       from region g
       cross join lateral (
         select distinct b.instance_id
@@ -315,8 +301,6 @@ begin
     cross join lateral (select box3d(semap.seen_from(p.corners, p.axes)) as box offset 0) c
     where semap.lies_in_region(p.other_id, p.corners, p.box, p.axes, p_strict);
 end $$;
-comment on function semap.directed is
-  'What lies in a direction of the references: above, below, left_of, right_of, in_front_of or behind them.';
 
 -- What lies above the references; see semap.directed.
 create or replace function semap.above(
@@ -327,8 +311,6 @@ create or replace function semap.above(
 language sql stable parallel safe as $$
   select * from semap.directed('above', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
 $$;
-comment on function semap.above is
-  'What lies above the references; see semap.directed.';
 
 -- What lies below the references; see semap.directed.
 create or replace function semap.below(
@@ -339,8 +321,6 @@ create or replace function semap.below(
 language sql stable parallel safe as $$
   select * from semap.directed('below', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
 $$;
-comment on function semap.below is
-  'What lies below the references; see semap.directed.';
 
 -- What lies left of the references; see semap.directed.
 create or replace function semap.left_of(
@@ -351,8 +331,6 @@ create or replace function semap.left_of(
 language sql stable parallel safe as $$
   select * from semap.directed('left_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
 $$;
-comment on function semap.left_of is
-  'What lies left of the references; see semap.directed.';
 
 -- What lies right of the references; see semap.directed.
 create or replace function semap.right_of(
@@ -361,10 +339,9 @@ create or replace function semap.right_of(
   p_reach_m double precision default 10
 ) returns table (reference_id bigint, target_id bigint, gap_m double precision)
 language sql stable parallel safe as $$
-  select * from semap.directed('right_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
+  select * from semap.directed('right_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict,
+                               p_reach_m)
 $$;
-comment on function semap.right_of is
-  'What lies right of the references; see semap.directed.';
 
 -- What lies in front of the references; see semap.directed.
 create or replace function semap.in_front_of(
@@ -373,10 +350,9 @@ create or replace function semap.in_front_of(
   p_reach_m double precision default 10
 ) returns table (reference_id bigint, target_id bigint, gap_m double precision)
 language sql stable parallel safe as $$
-  select * from semap.directed('in_front_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
+  select * from semap.directed('in_front_of', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict,
+                               p_reach_m)
 $$;
-comment on function semap.in_front_of is
-  'What lies in front of the references; see semap.directed.';
 
 -- What lies behind the references; see semap.directed.
 create or replace function semap.behind(
@@ -387,5 +363,3 @@ create or replace function semap.behind(
 language sql stable parallel safe as $$
   select * from semap.directed('behind', p_reference_ids, p_target_ids, p_frame, p_viewer, p_kind, p_strict, p_reach_m)
 $$;
-comment on function semap.behind is
-  'What lies behind the references; see semap.directed.';

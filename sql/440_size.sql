@@ -41,8 +41,6 @@ begin
     )
     select st_geomfromewkt('TIN Z (' || string_agg(corners, ',') || ')') from face);
 end $$;
-comment on function semap.extruded is
-  'A prism over an area as a closed TIN, its triangles wound outwards.';
 
 -- Area, perimeter, sides of the smallest box, extents along the map's axes, height and volume of these instances.
 -- The volume is that of the body where it is closed (exact; parts that overlap count twice), else of its convex
@@ -55,7 +53,8 @@ returns table (
 )
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with body as materialized (
-    select g.description_id, bool_and(semap.is_closed_3d(g.body)) as is_closed, abs(sum(semap.volume_3d(g.body))) as volume_m3
+    select g.description_id, bool_and(semap.is_closed_3d(g.body)) as is_closed,
+           abs(sum(semap.volume_3d(g.body))) as volume_m3
     from semap.geometry g
     where g.type in ('TRIANGLEMESH3D', 'POLYGONMESH3D')
       and g.description_id in (select relative_description_id from semap.instance where instance_id = any (p_ids))
@@ -87,8 +86,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
                 when h.geometry is not null then 'hull' end as volume_of) v
   where i.instance_id = any (p_ids)
 $$;
-comment on function semap.sizes is
-  'Area, perimeter, sides of the smallest box, extents along the map''s axes, height and volume of these instances.';
 
 -- One measure of these instances: 'area' [m2], 'volume' [m3] or 'height' [m]; those without it are left out.
 create or replace function semap.measured(p_ids bigint[], p_measure text)
@@ -112,8 +109,6 @@ begin
         using errcode = 'invalid_parameter_value', hint = 'Use area, volume or height.';
   end case;
 end $$;
-comment on function semap.measured is
-  'One measure of these instances: area [m2], volume [m3] or height [m]; those without it are left out.';
 
 -- The instances given, or where none are given all on the maps of the others.
 create or replace function semap.or_all_beside(p_ids bigint[], p_beside_ids bigint[]) returns bigint[]
@@ -122,8 +117,6 @@ language sql stable parallel safe as $$
     select instance_id from semap.instance
     where map_id in (select map_id from semap.instance where instance_id = any (p_beside_ids))))
 $$;
-comment on function semap.or_all_beside is
-  'The instances given, or where none are given all on the maps of the others.';
 
 -- Pairs of instances of one map, the target with more than p_factor times the reference's area, volume or height.
 create or replace function semap.larger_than(
@@ -135,13 +128,12 @@ create or replace function semap.larger_than(
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with target as materialized (
     select m.instance_id, m.measure, i.map_id
-    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m join semap.instance i using (instance_id))
+    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m
+    join semap.instance i using (instance_id))
   select r.instance_id, t.instance_id, r.measure, t.measure
   from semap.measured(p_reference_ids, p_measure) r join semap.instance i using (instance_id)
   join target t on t.map_id = i.map_id and t.instance_id <> r.instance_id and t.measure > p_factor * r.measure
 $$;
-comment on function semap.larger_than is
-  'Pairs of instances of one map, the target with more than p_factor times the reference''s area, volume or height.';
 
 -- Pairs of instances of one map, the target with less than p_factor times the reference's area, volume or height.
 create or replace function semap.smaller_than(
@@ -153,13 +145,12 @@ create or replace function semap.smaller_than(
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with target as materialized (
     select m.instance_id, m.measure, i.map_id
-    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m join semap.instance i using (instance_id))
+    from semap.measured(semap.or_all_beside(p_target_ids, p_reference_ids), p_measure) m
+    join semap.instance i using (instance_id))
   select r.instance_id, t.instance_id, r.measure, t.measure
   from semap.measured(p_reference_ids, p_measure) r join semap.instance i using (instance_id)
   join target t on t.map_id = i.map_id and t.instance_id <> r.instance_id and t.measure < p_factor * r.measure
 $$;
-comment on function semap.smaller_than is
-  'Pairs of instances of one map, the target with less than p_factor times the reference''s area, volume or height.';
 
 -- The footprints grown by a distance [m], for a robot of that radius; below zero they shrink, and what is left of
 -- nothing is left out. p_join is the shape of corners: 'round' (to 1/8 of a quarter circle), 'mitre' or 'bevel'.
@@ -180,8 +171,6 @@ begin
       from semap.abstraction a where a.instance_id = any (p_ids) and a.type = 'Footprint') g
     where g.grown is not null;
 end $$;
-comment on function semap.padded is
-  'The footprints grown by a distance [m], for a robot of that radius; below zero they shrink.';
 
 -- The area that the footprints of these instances cover together; null without one.
 create or replace function semap.united(p_ids bigint[]) returns public.geometry
@@ -189,8 +178,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   select semap.area_only(st_union(geometry)) from semap.abstraction
   where instance_id = any (p_ids) and type = 'Footprint'
 $$;
-comment on function semap.united is
-  'The area that the footprints of these instances cover together; null without one.';
 
 -- The area that lies in the footprint of each of these instances; null where there is none, or one has no footprint.
 create or replace function semap.intersected(p_ids bigint[]) returns public.geometry
@@ -210,8 +197,6 @@ begin
   end loop;
   return v_common;
 end $$;
-comment on function semap.intersected is
-  'The area that lies in the footprint of each of these instances; null where there is none.';
 
 -- What is left of the footprints of the references without those of the targets, heights aside; nothing left, no row.
 create or replace function semap.subtracted(p_reference_ids bigint[], p_target_ids bigint[])
@@ -230,5 +215,3 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
     where r.type = 'Footprint' and r.instance_id = any (p_reference_ids)) left_over
   where rest is not null
 $$;
-comment on function semap.subtracted is
-  'What is left of the footprints of the references without those of the targets, heights aside.';

@@ -1,10 +1,12 @@
 -- What is in what, over all levels. A target is directly in a container of the same map
 --   footprint: where its position (Position2D) lies in the container's footprint or on its border, its own footprint
---              is the smaller one, and its height (of Position3D, or the middle of its band) is in the container's band;
+--              is the smaller one, and its height (of Position3D, or the middle of its band) is in the
+--              container's band;
 --   storey:    where the container is its storey;
 --   frame:     where its frame stands below the container's own, other than a root.
 
--- What is directly in these containers, and by which of the three; a null height or band is every height.
+-- What is directly in these containers, and by which of footprint, storey and frame; a null height or band is every
+-- height.
 create or replace function semap.direct_contents(
   p_container_ids bigint[], p_target_ids bigint[] default null,
   p_links text[] default array['footprint', 'storey', 'frame']
@@ -43,8 +45,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   from below b join semap.instance t on t.frame_id = b.frame_id
   where p_target_ids is null or t.instance_id = any (p_target_ids)
 $$;
-comment on function semap.direct_contents is
-  'What is directly in these containers, and by which of footprint, storey and frame.';
 
 -- What is in these containers over all levels, each once: at its lowest level, with the container right around it
 -- there. From the second level on only spaces contain by their footprints: what lies under a desk of a room need not
@@ -92,12 +92,11 @@ begin
     v_seen := v_seen || v_found.targets;
     return query
       select f.container_id, f.target_id, level, f.via_id, f.link
-      from unnest(v_found.containers, v_found.targets, v_found.vias, v_found.links) f (container_id, target_id, via_id, link)
+      from unnest(v_found.containers, v_found.targets, v_found.vias,
+                  v_found.links) f (container_id, target_id, via_id, link)
       where p_target_ids is null or f.target_id = any (p_target_ids);
   end loop;
 end $$;
-comment on function semap.contained_in is
-  'What is in these containers over all levels, each once, with its level and the container right around it there.';
 
 -- How many of the targets are in each container over all levels, where they are at least and at most so many.
 create or replace function semap.counted_in(
@@ -112,5 +111,3 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   group by c.instance_id
   having count(t.target_id) >= p_at_least and (p_at_most is null or count(t.target_id) <= p_at_most)
 $$;
-comment on function semap.counted_in is
-  'How many of the targets are in each container over all levels, where they are at least and at most so many.';

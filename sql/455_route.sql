@@ -12,14 +12,13 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   union all
   select i.instance_id, (p.pose).x_m, (p.pose).y_m, (p.pose).z_m
   from semap.instance i
-  join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) p using (frame_id)
+  join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) p
+    using (frame_id)
   where i.instance_id = any (p_ids) and p.pose is not null
     and not exists (select from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position2D')
 $$;
-comment on function semap.way_points is
-  'Where these instances are for ways: seen from above, at the height on which they stand.';
 
--- The rooms of one map that a door joins, in both directions; p_closed are attributes of doors that are not passed.
+-- The rooms of one map that a door joins, in both directions, without doors that have one of the attributes p_closed.
 create or replace function semap.joined(
   p_reference_ids bigint[], p_target_ids bigint[] default null, p_closed jsonb default null
 ) returns table (reference_id bigint, target_id bigint, door_id bigint)
@@ -30,8 +29,6 @@ language sql stable parallel safe as $$
     and (p_closed is null or not exists (
            select from semap.instance d where d.instance_id = a.door_id and d.attributes @> p_closed))
 $$;
-comment on function semap.joined is
-  'The rooms of one map that a door joins, in both directions, without doors of the attributes p_closed.';
 
 -- The rooms that doors, openings, stairs and lifts connect with a room, itself among them.
 create or replace function semap.rooms_connected(p_room_id bigint) returns setof bigint
@@ -46,8 +43,6 @@ language sql stable parallel safe as $$
   )
   select room_id from reached
 $$;
-comment on function semap.rooms_connected is
-  'The rooms that doors, openings, stairs and lifts connect with a room, itself among them.';
 
 -- The shortest way from a room through each door into each room that it leads to: [m] at the door, and the door and
 -- room before. Lengths are relaxed over all passages at once until none gets shorter (Bellman and Ford).
@@ -128,14 +123,13 @@ begin
            coalesce(v_rooms[nullif(b.before_n, 0)], p_from), b.step
     from back b;
 end $$;
-comment on function semap.ways_from is
-  'The shortest way from a room through each door into each room that it leads to, with the door and room before.';
 
 -- The shortest way between two rooms: the rooms in order, each with the door by which it is entered, the length of the
 -- way there and of the whole way to the last room's position; no rows where there is no way.
 create or replace function semap.route(p_from bigint, p_to bigint, p_closed jsonb default null)
 returns table (
-  step integer, room_id bigint, room text, door_id bigint, door text, length_m double precision, total_m double precision
+  step integer, room_id bigint, room text, door_id bigint, door text, length_m double precision,
+  total_m double precision
 )
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with recursive way as materialized (
@@ -143,7 +137,8 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   ), point as materialized (
     select * from semap.way_points(array[p_to] || array(select door_id from way where room_id = p_to))
   ), best as (
-    select w.*, w.length_m + sqrt((d.x_m - t.x_m) ^ 2 + (d.y_m - t.y_m) ^ 2 + coalesce((d.z_m - t.z_m) ^ 2, 0)) as total_m
+    select w.*, w.length_m + sqrt((d.x_m - t.x_m) ^ 2 + (d.y_m - t.y_m) ^ 2 + coalesce((d.z_m - t.z_m) ^ 2, 0))
+      as total_m
     from way w join point d on d.instance_id = w.door_id join point t on t.instance_id = p_to
     where w.room_id = p_to and p_to <> p_from
     order by total_m, w.door_id limit 1
@@ -164,8 +159,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   left join semap.instance d on d.instance_id = n.door_id
   order by n.step
 $$;
-comment on function semap.route is
-  'The shortest way between two rooms: the rooms in order, each with its door and the length of the way there.';
 
 -- The rooms that can be reached through doors, with the length of the shortest way to the position of each.
 create or replace function semap.reachable(p_from bigint, p_closed jsonb default null)
@@ -184,5 +177,3 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
     select w.length_m + sqrt((d.x_m - t.x_m) ^ 2 + (d.y_m - t.y_m) ^ 2 + coalesce((d.z_m - t.z_m) ^ 2, 0)) as total_m) l
   order by w.room_id, l.total_m, w.step
 $$;
-comment on function semap.reachable is
-  'The rooms that can be reached through doors, with the length of the shortest way to the position of each.';

@@ -8,8 +8,6 @@ language sql stable parallel safe as $$
   select exists (select from semap.frame where frame_id = p_frame_id and parent_id is not null)
      and (select count(*) = 1 from semap.instance where frame_id = p_frame_id)
 $$;
-comment on function semap.is_own_frame is
-  'Whether a frame is that of one instance alone.';
 
 -- Put the frame of each target below the frame of its reference, both keeping their places; says what was done.
 -- Of several references of a target the first that may carry it counts.
@@ -48,11 +46,9 @@ begin
     end if;
   end loop;
 end $$;
-comment on function semap.carry_by is
-  'Put the frame of each target below the frame of its reference, both keeping their places; says what was done.';
 
--- Let what lies on a thing (semap.on_objects) be carried by it. Of several supports the one counts that shares most of
--- the target's footprint, then the smallest.
+-- Let what lies on a thing (semap.on_objects) be carried by it, without moving anything; says what was put where. Of
+-- several supports the one counts that shares most of the target's footprint, then the smallest.
 create or replace function semap.structure_by_support(
   p_map_id integer, p_ids bigint[] default null, p_reference_ids bigint[] default null
 ) returns table (target_id bigint, reference_id bigint, outcome text)
@@ -62,8 +58,10 @@ declare
   v_pairs  record;
 begin
   perform semap.change_regions();
-  select array_agg(s.reference_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id) as refs,
-         array_agg(s.target_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id) as targets
+  select array_agg(s.reference_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
+           as refs,
+         array_agg(s.target_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
+           as targets
   into v_pairs
   from (select distinct o.reference_id, o.target_id
         from semap.on_objects(coalesce(p_reference_ids, v_all), coalesce(p_ids, v_all)) o) s
@@ -72,11 +70,9 @@ begin
   cross join lateral (select round(st_area(st_intersection(r.geometry, t.geometry))::numeric, 6) as common_m2) c;
   return query select c.target_id, c.reference_id, c.outcome from semap.carry_by(v_pairs.refs, v_pairs.targets) c;
 end $$;
-comment on function semap.structure_by_support is
-  'Let what lies on a thing be carried by it, without moving anything; says what was put where.';
 
--- Let what is in a thing, by its footprint and heights (semap.direct_contents), be carried by it: by the smallest
--- thing that it is in.
+-- Let what is in a thing, by its footprint and heights (semap.direct_contents), be carried by it, without moving
+-- anything: by the smallest thing that it is in.
 create or replace function semap.structure_by_containment(
   p_map_id integer, p_ids bigint[] default null, p_reference_ids bigint[] default null
 ) returns table (target_id bigint, reference_id bigint, outcome text)
@@ -94,8 +90,6 @@ begin
   where d.link = 'footprint';
   return query select c.target_id, c.reference_id, c.outcome from semap.carry_by(v_pairs.refs, v_pairs.targets) c;
 end $$;
-comment on function semap.structure_by_containment is
-  'Let what is in a thing be carried by the smallest thing that it is in, without moving anything.';
 
 -- Put the frames of these instances right below the root of their tree, where they stand; says what was done.
 create or replace function semap.unstructure(p_ids bigint[])
@@ -108,7 +102,8 @@ begin
   for v_each in
     select i.instance_id, i.frame_id, f.parent_id, r.root_id
     from semap.instance i join semap.frame f using (frame_id)
-    join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) r using (frame_id)
+    join semap.frames_in_root(array(select frame_id from semap.instance where instance_id = any (p_ids))) r
+      using (frame_id)
     where i.instance_id = any (p_ids)
     order by i.instance_id
   loop
@@ -121,5 +116,3 @@ begin
     return next;
   end loop;
 end $$;
-comment on function semap.unstructure is
-  'Put the frames of these instances right below the root of their tree, where they stand; says what was done.';

@@ -9,7 +9,8 @@ create or replace function semap.instances(
 language plpgsql stable parallel safe set search_path = public, pg_temp as $$
 begin
   if not exists (select from semap.map where name = p_map) then
-    raise exception 'There is no map %.', p_map using errcode = 'no_data_found', hint = 'List the maps to see their names.';
+    raise exception 'There is no map %.', p_map
+      using errcode = 'no_data_found', hint = 'List the maps to see their names.';
   end if;
   if p_concept is not null and semap.concept_named(p_concept) is null then
     raise exception 'There is no concept %.', p_concept
@@ -25,16 +26,12 @@ begin
       and (p_attributes is null or i.attributes @> p_attributes)
     order by i.instance_id);
 end $$;
-comment on function semap.instances is
-  'The ids of instances of a map by concept, names, ids and attributes; null asks for nothing.';
 
 -- A text without its accents, so that é and e are alike: decomposed (NFD), without combining marks.
 create or replace function semap.without_accents(p_text text) returns text
 language sql immutable parallel safe as $$
   select regexp_replace(normalize(p_text, nfd), '[\u0300-\u036F]', '', 'g')
 $$;
-comment on function semap.without_accents is
-  'A text without its accents, so that é and e are alike.';
 
 -- Whether one of a text's characters has a lower case that only Unicode after version 14 knows, or might have.
 create or replace function semap.has_new_letter(p_text text) returns boolean
@@ -43,26 +40,23 @@ language sql immutable parallel safe as $$
     '\U000104D4-\U0001056F\U00010596-\U00010C7F\U00010CB3-\U0001189F\U000118C0-\U00016E3F\U00016E60-\U0001E8FF'
     '\U0001E922-\U0010FFFF]'
 $$;
-comment on function semap.has_new_letter is
-  'Whether one of a text''s characters has a lower case that only Unicode after version 14 knows, or might have.';
 
--- A text in lower case, character by character, so that É and é are alike whatever the language of the server is; letters
--- that are newer than Unicode 14 are left as they are, so that servers and Pythons of all versions agree.
+-- A text in lower case, character by character, so that É and é are alike whatever the language of the server is;
+-- letters that are newer than Unicode 14 are left as they are, so that servers and Pythons of all versions agree.
 create or replace function semap.lower_case(p_text text) returns text
 language sql immutable parallel safe as $$
   select case
     when octet_length(p_text) = length(p_text) then lower(p_text collate "C") collate "default"
     -- a Σ is a σ wherever it stands, and an İ one character
-    when not semap.has_new_letter(p_text) then lower(translate(p_text, 'Σİ', 'σi') collate "und-x-icu") collate "default"
+    when not semap.has_new_letter(p_text)
+      then lower(translate(p_text, 'Σİ', 'σi') collate "und-x-icu") collate "default"
     else (select string_agg(case when semap.has_new_letter(c) then c else semap.lower_case(c) end, '' order by n)
           from regexp_split_to_table(p_text, '') with ordinality as t (c, n))
   end
 $$;
-comment on function semap.lower_case is
-  'A text in lower case, character by character, so that É and é are alike whatever the language of the server is.';
 
--- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part is
--- looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
+-- The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none. Each part
+-- is looked at before the cast, which then cannot fail: a block that catches errors could not run in a parallel plan.
 create or replace function semap.instant_of(p_text text) returns timestamptz
 language plpgsql immutable parallel safe as $$
 declare
@@ -90,16 +84,12 @@ begin
   end if;
   return (left(p_text, 19) || substr(v_fraction, 2) || substr(p_text, v_zone_at))::timestamptz;
 end $$;
-comment on function semap.instant_of is
-  'The instant that a text of RFC 3339 says, a date being its first instant in UTC; null where it says none.';
 
 -- What is left of a number divided by another, with the sign of the former; null where that one is 0.
 create or replace function semap.remainder(p_a double precision, p_b double precision) returns double precision
 language sql immutable parallel safe as $$
   select p_a - p_b * trunc(p_a / nullif(p_b, 0))
 $$;
-comment on function semap.remainder is
-  'What is left of a number divided by another, with the sign of the former; null where that one is 0.';
 
 -- A number to the power of another; null where it has no real value.
 create or replace function semap.real_power(p_a double precision, p_b double precision) returns double precision
@@ -109,16 +99,12 @@ language sql immutable parallel safe as $$
     when p_a < 0 and p_b <> trunc(p_b) then null
     else power(p_a, p_b) end
 $$;
-comment on function semap.real_power is
-  'A number to the power of another; null where it has no real value.';
 
 -- Whether each of two arrays contains all items of the other.
 create or replace function semap.has_same_items(p_a jsonb, p_b jsonb) returns boolean
 language sql immutable parallel safe as $$
   select p_a @> p_b and p_b @> p_a
 $$;
-comment on function semap.has_same_items is
-  'Whether each of two arrays contains all items of the other.';
 
 -- Whether an array contains any item of another.
 create or replace function semap.shares_items(p_a jsonb, p_b jsonb) returns boolean
@@ -126,16 +112,13 @@ language sql immutable parallel safe as $$
   select case when p_a is not null and p_b is not null then
     exists (select from jsonb_array_elements(p_a) item where p_b @> jsonb_build_array(item)) end
 $$;
-comment on function semap.shares_items is
-  'Whether an array contains any item of another.';
 
 -- A geometry as GeoJSON in metres, to the last digit; the faces of a mesh as a MultiPolygon with heights.
 create or replace function semap.geojson(p_geometry public.geometry) returns jsonb
 language sql immutable strict parallel safe set search_path = public, pg_temp as $$
   select case
     when geometrytype(p_geometry) in ('TIN', 'POLYHEDRALSURFACE', 'TRIANGLE') then
-      (select st_asgeojson(st_collect(st_makepolygon(st_exteriorring(geom)) order by path), 15, 0)::jsonb from st_dump(p_geometry))
+      (select st_asgeojson(st_collect(st_makepolygon(st_exteriorring(geom)) order by path), 15, 0)::jsonb
+       from st_dump(p_geometry))
     else st_asgeojson(p_geometry, 15, 0)::jsonb end
 $$;
-comment on function semap.geojson is
-  'A geometry as GeoJSON in metres, to the last digit; the faces of a mesh as a MultiPolygon with heights.';

@@ -15,11 +15,9 @@ language sql stable parallel safe as $$
   from semap.relation n
   where n.map_id = p_map_id and n.since <= p_to
 $$;
-comment on function semap.stays is
-  'Which track was in which instance at some time between two moments, both included; until is null while it holds.';
 
--- How the doors of a map stood between two moments, both included: the state in which each was at the first of them, and
--- each that began after it; `until` is null while it holds. A door of which nothing is known has no row.
+-- How the doors of a map stood between two moments, both included: the state in which each was at the first of them,
+-- and each that began after it; `until` is null while it holds. A door of which nothing is known has no row.
 create or replace function semap.door_states(p_map_id integer, p_from timestamptz, p_to timestamptz)
 returns table (instance_id bigint, name text, state text, since timestamptz, until timestamptz)
 language sql stable parallel safe as $$
@@ -48,5 +46,3 @@ language sql stable parallel safe as $$
   from begun b
   where b.before is distinct from b.value
 $$;
-comment on function semap.door_states is
-  'How the doors of a map stood between two moments, both included; until is null while it holds.';

@@ -1,14 +1,16 @@
 -- Where an instance is among others, and what holds between it and them.
 
--- The rooms that an instance was in at a time ('infinity': now), the smallest first: those that contain its position, as
--- its frame carried it, by outline and height.
+-- The rooms that an instance was in at a time ('infinity': now), the smallest first: those that contain its position,
+-- as its frame carried it, by outline and height.
 create or replace function semap.rooms_around(p_instance_id bigint, p_at timestamptz default 'infinity')
 returns table (instance_id bigint, name text)
 language sql stable parallel safe set search_path = public, pg_temp as $$
   with thing as (
     select i.map_id, n.pose as pose_now, t.pose as pose_then,
-           (select geometry from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position3D') as body,
-           (select geometry from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position2D') as flat
+           (select geometry from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position3D')
+             as body,
+           (select geometry from semap.abstraction a where a.instance_id = i.instance_id and a.type = 'Position2D')
+             as flat
     from semap.instance i
     cross join lateral semap.frames_in_root(array[i.frame_id]) n
     cross join lateral semap.frames_in_root(array[i.frame_id], p_at) t
@@ -27,8 +29,6 @@ language sql stable parallel safe set search_path = public, pg_temp as $$
   where st_z(p.point) is null or a.z_min_m is null or (st_z(p.point) >= a.z_min_m and st_z(p.point) < a.z_max_m)
   order by st_area(a.geometry), r.instance_id
 $$;
-comment on function semap.rooms_around is
-  'The rooms that an instance was in at a time (infinity: now), the smallest first.';
 
 -- What holds between an instance and each of the thousand that are nearest to it: the instance is `in`, `on` or `near`
 -- the other, `contains`, `carries` or `intersects` it, or one is a door that `joins` the other. Distances are between
@@ -52,7 +52,8 @@ begin
   where i.instance_id = p_instance_id;
   return query
     with held as (
-      select 'in' as relation, 1 as rank, o.reference_id as other_id from semap.in_objects(v_others, v_self, p_strict => true) o
+      select 'in' as relation, 1 as rank, o.reference_id as other_id
+      from semap.in_objects(v_others, v_self, p_strict => true) o
       union all
       select 'contains', 1, o.target_id from semap.in_objects(v_self, v_others, p_strict => true) o
       union all
@@ -77,5 +78,3 @@ begin
     from told t
     where t.rank = 0 or t.rank = t.best;
 end $$;
-comment on function semap.relations_of is
-  'What holds between an instance and each of the thousand that are nearest to it.';

@@ -1,8 +1,9 @@
--- Maps on the globe, for clients that know degrees only. A map with an anchor lies where that says. One without lies where
--- the equator meets the prime meridian, x to the east and y to the north: its metres in an azimuthal equidistant
+-- Maps on the globe, for clients that know degrees only. A map with an anchor lies where that says. One without lies
+-- where the equator meets the prime meridian, x to the east and y to the north: its metres in an azimuthal equidistant
 -- projection about that point (54032 in spatial_ref_sys), true to scale for anything the size of a town.
 
--- A geometry of the map frame in the system p_target; p_pose and p_epsg are the anchor's, or null.
+-- A geometry of the map frame in the system p_target; p_pose and p_epsg are the anchor's, or null: a map without an
+-- anchor lies at 0 N 0 E.
 create or replace function semap.on_globe(
   p_geometry public.geometry, p_pose semap.pose, p_epsg integer, p_target integer
 ) returns public.geometry
@@ -16,10 +17,9 @@ begin
   end if;
   return public.st_transform(public.st_setsrid(semap.placed(p_geometry, p_pose), p_epsg), p_target);
 end $$;
-comment on function semap.on_globe is
-  'A geometry of the map frame in a system of the earth; a map without an anchor lies at 0 N 0 E.';
 
--- A geometry of the earth (with its SRID) in the map frame; p_pose and p_epsg are the anchor's, or null.
+-- A geometry of the earth (with its SRID) in the map frame; p_pose and p_epsg are the anchor's, or null: a map without
+-- an anchor lies at 0 N 0 E.
 create or replace function semap.from_globe(p_geometry public.geometry, p_pose semap.pose, p_epsg integer)
 returns public.geometry
 language plpgsql immutable parallel safe as $$
@@ -29,5 +29,3 @@ begin
   end if;
   return public.st_setsrid(semap.placed(public.st_transform(p_geometry, p_epsg), semap.inverse(p_pose)), 0);
 end $$;
-comment on function semap.from_globe is
-  'A geometry of the earth (with its SRID) in the map frame; a map without an anchor lies at 0 N 0 E.';

@@ -12,8 +12,6 @@ language sql stable as $$
   select track_id, source_id, live, stamp, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad
   from semap.track_place where map_id = p_map_id
 $$;
-comment on function semap.present_places is
-  'Where each track of a map is by what is stored, whether or not its place is written already.';
 
 -- Regions against what the queries and the map ask for.
 create or replace function semap.region_differences(p_map_id integer)
@@ -34,8 +32,6 @@ language sql stable as $$
      or (st_asbinary(r.footprint), st_asbinary(r.shape), st_asbinary(r.core), st_asbinary(r.reach)) is distinct from
         (st_asbinary(w.footprint), st_asbinary(w.shape), st_asbinary(w.core), st_asbinary(w.reach))
 $$;
-comment on function semap.region_differences is
-  'Regions against what the queries and the map ask for.';
 
 -- Cells and edges of regions against those made anew.
 create or replace function semap.grid_differences(p_map_id integer)
@@ -65,8 +61,6 @@ language sql stable as $$
   from differing d left join semap.region r using (region_id)
   group by d.kind, d.region_id, r.instance_name, r.query_name
 $$;
-comment on function semap.grid_differences is
-  'Cells and edges of regions against those made anew.';
 
 -- Which tracks queries are about, against what their conditions say.
 create or replace function semap.choice_differences(p_map_id integer)
@@ -82,8 +76,6 @@ language sql stable as $$
   join semap.continuous_query q on q.query_id = coalesce(s.query_id, w.query_id)
   where s.query_id is null or w.query_id is null
 $$;
-comment on function semap.choice_differences is
-  'Which tracks queries are about, against what their conditions say.';
 
 -- The newest state of each of these tracks that was not set aside.
 create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz) returns table (
@@ -97,8 +89,6 @@ language sql stable as $$
   where s.stamp is distinct from t.outlier_stamp
   order by s.track_id, s.stamp desc
 $$;
-comment on function semap.newest_states is
-  'The newest state of each of these tracks that was not set aside.';
 
 -- The present of tracks against their newest states, and whether they live against when they ended.
 create or replace function semap.present_differences(p_map_id integer)
@@ -136,8 +126,6 @@ language sql stable as $$
       and (s.stamp is not null or p.stamp >= coalesce((select gone_before from semap.retention where kind = 'states'), '-infinity'))
   ) d (stored, wanted)
 $$;
-comment on function semap.present_differences is
-  'The present of tracks against their newest states, and whether they live against when they ended.';
 
 -- The regions that the present of each track says it is in, against its relations; and verges against relations.
 create or replace function semap.held_differences(p_map_id integer)
@@ -163,8 +151,6 @@ language sql stable as $$
   left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
   where v.map_id = p_map_id and v.held <> (n.track_id is not null)
 $$;
-comment on function semap.held_differences is
-  'The regions that the present of each track says it is in, and its verges, against its relations.';
 
 -- Which plain regions hold each live track of a map, by its place and their footprints alone.
 create or replace function semap.plain_relations(p_map_id integer)
@@ -183,8 +169,6 @@ begin
     join pg_temp.semap_footprint r on st_contains(r.footprint, st_point(p.x_m, p.y_m))
     where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m);
 end $$;
-comment on function semap.plain_relations is
-  'Which plain regions hold each live track of a map, by its place and their footprints alone.';
 
 -- Relations with plain regions against where the tracks are; and relations with nothing.
 create or replace function semap.plain_differences(p_map_id integer)
@@ -207,5 +191,3 @@ language sql as $$
   left join semap.track k on k.track_id = coalesce(s.track_id, w.track_id)
   where s.track_id is null or w.track_id is null or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
 $$;
-comment on function semap.plain_differences is
-  'Relations with plain regions against where the tracks are; and relations with nothing.';

@@ -7,8 +7,6 @@ language sql stable as $$
   where c.map_id = p_map_id and c.kind in ('began', 'ended') and c.amendment is distinct from 'retracted'
     and not exists (select from semap.relation_change x where x.retracts = c.uid)
 $$;
-comment on function semap.standing_changes is
-  'The changes of a map that stand: those that say that something began or ended, and that nobody took back.';
 
 -- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what begins
 -- and what ends again. p_turn: the how many-th of its kind it is.
@@ -17,8 +15,6 @@ language sql immutable parallel safe as $$
   select case when (p_change).kind = 'began' then 2 * p_turn - 1
               when (p_change).since < (p_change).edge_at then 0 else 2 * p_turn end
 $$;
-comment on function semap.place_in_moment is
-  'In which order changes of two things stand that are of one moment: what ends that held before, then in turns the others.';
 
 -- The changes that stand, each with the one before it of the same two things, in the order in which they happened. What
 -- was amended has its place by its moment, all else by when it was written.
@@ -38,8 +34,6 @@ language sql stable as $$
   window one_pair as (partition by (c).query_id, (c).track_id, (c).subject_instance_id, (c).instance_id, (c).object_track_id
                       order by moment, case when moment is not null then semap.place_in_moment(c, turn) end, (c).change_id)
 $$;
-comment on function semap.folded_changes is
-  'The changes that stand, each with the one before it of the same two things.';
 
 -- What holds now by what is stored: relations with regions, and pairs.
 create or replace function semap.held_relations(p_map_id integer) returns table (
@@ -52,8 +46,6 @@ language sql stable as $$
   select query_id, track_id, subject_instance_id, instance_id, object_track_id, since
   from semap.pair where map_id = p_map_id and held
 $$;
-comment on function semap.held_relations is
-  'What holds now by what is stored: relations with regions, and pairs.';
 
 -- Two things of a query by name, as the log tells of them.
 create or replace function semap.pair_in_words(p_change semap.relation_change) returns text
@@ -63,8 +55,6 @@ language sql stable as $$
                 coalesce((p_change).instance_name, 'track ' || (p_change).object_track_name, 'something'),
                 (p_change).query_name)
 $$;
-comment on function semap.pair_in_words is
-  'Two things of a query by name, as the log tells of them.';
 
 -- Two things of a query by name, as they are known now.
 create or replace function semap.relation_in_words(
@@ -78,8 +68,6 @@ language sql stable as $$
                          'track ' || (select name from semap.track where track_id = p_object_track_id), 'something'),
                 (select name from semap.continuous_query where query_id = p_query_id))
 $$;
-comment on function semap.relation_in_words is
-  'Two things of a query by name, as they are known now.';
 
 -- The log against itself (what began ends before it begins again) and against what is stored to hold now. What began
 -- before the oldest change that is kept is not in it.
@@ -117,8 +105,6 @@ language sql stable as $$
   where o.edge_at is distinct from h.since
     and not (o.change_id is null and h.since < (select since from kept))
 $$;
-comment on function semap.log_differences is
-  'The log of changes against itself and against what is stored to hold now.';
 
 -- What is over by the log against what is stored of it, as far back as the log goes.
 create or replace function semap.past_differences(p_map_id integer)
@@ -143,5 +129,3 @@ language sql stable as $$
          d.stored, d.wanted
   from differing d
 $$;
-comment on function semap.past_differences is
-  'What is over by the log against what is stored of it, as far back as the log goes.';

@@ -24,8 +24,6 @@ language sql stable as $$
                                                n.heading_rad, n.length_m, n.width_m) as shape offset 0) s
   where w.map_id = p_map_id
 $$;
-comment on function semap.wanted_members is
-  'Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks alone.';
 
 -- Who takes part in queries about pairs, and where, against what the queries, the map and the presents of tracks say.
 create or replace function semap.pair_member_differences(p_map_id integer)
@@ -50,8 +48,6 @@ language sql stable as $$
         (w.query_name, w.uid, w.name, w.stamp, st_asbinary(w.place), st_asbinary(w.shape), st_asbinary(w.box),
          w.z_min_m, w.z_max_m, w.yaw_rad)
 $$;
-comment on function semap.pair_member_differences is
-  'Who takes part in queries about pairs, and where, against what the queries, the map and the presents of tracks say.';
 
 -- Each two things of a map that are a pair by what is stored, or may be one by where they are now, with how they stand to
 -- each other: all members of a query with all. `enters`: it holds beyond doubt; `leaves`: it does not; between the two
@@ -112,8 +108,6 @@ language sql stable as $$
     select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end as enters,
            case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end as leaves) c
 $$;
-comment on function semap.standing_pairs is
-  'Each two things of a map that are a pair by what is stored, or may be one by where they are now, and how they stand.';
 
 -- Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.
 create or replace function semap.pair_differences(p_map_id integer)
@@ -141,5 +135,3 @@ language sql stable as $$
     end as wanted) d
   where d.wanted is not null
 $$;
-comment on function semap.pair_differences is
-  'Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.';

@@ -9,8 +9,6 @@ language sql stable as $$
     and predicate not in ('nearest', 'approaching', 'crosses', 'on') and enter_margin_m = 0 and leave_margin_m = 0
     and coalesce(enter_confirm, '0') = '0' and coalesce(leave_confirm, '0') = '0'
 $$;
-comment on function semap.momentary_queries is
-  'The queries about tracks whose pairs can be told from one moment.';
 
 -- The pairs of tracks for which these queries hold at a moment, by the states of the tracks.
 create or replace function semap.pairs_at(p_map_id integer, p_at timestamptz)
@@ -33,8 +31,6 @@ language sql stable as $$
     s.heading_rad, o.place, o.shape, o.z_m, o.z_m) r
   where r.side
 $$;
-comment on function semap.pairs_at is
-  'The pairs of tracks for which these queries hold at a moment, by the states of the tracks.';
 
 -- The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.
 create or replace function semap.pair_history_differences(p_map_id integer, p_moments integer default 40)
@@ -69,8 +65,6 @@ language sql stable as $$
         select *, false from (table stood except table logged) s) d
   where (semap.pair_formed(d.query_id, d.track_id, d.object_track_id) >= d.at) is not true
 $$;
-comment on function semap.pair_history_differences is
-  'The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.';
 
 -- Where a track crossed a line, by its states of the last hour up to a moment: stamps of the states that showed it.
 create or replace function semap.crossings_again(
@@ -111,8 +105,6 @@ begin
     v_before := case when v_now.x_m is null then null else v_now end;
   end loop;
 end $$;
-comment on function semap.crossings_again is
-  'Where a track crossed a line, by its states of the last hour up to a moment.';
 
 -- The log of lines that were crossed in the last hour of each track against the ways of the tracks.
 create or replace function semap.crossing_differences(p_map_id integer)
@@ -149,5 +141,3 @@ language sql stable as $$
         select *, false from (select * from wanted except all select * from logged) w) d
   join semap.track k using (track_id) join semap.instance i using (instance_id) join semap.continuous_query q using (query_id)
 $$;
-comment on function semap.crossing_differences is
-  'The log of lines that were crossed in the last hour of each track against the ways of the tracks.';

@@ -26,8 +26,6 @@ begin
   from semap.track k left join semap.newest_states(v_ids, '-infinity') s using (track_id)
   where k.track_id = any (v_ids) and t.track_id = k.track_id;
 end $$;
-comment on function semap.repair_presents is
-  'Write the present of each track of a map anew where it is not that of its newest state.';
 
 -- Write the regions of a map anew where they are not what the queries and the map ask for, and the cells and edges of
 -- all. Those that nobody asks for stay, for what ends with them. Says which careful ones are other ones now.
@@ -51,8 +49,6 @@ begin
   perform semap.index_regions(array_agg(region_id)) from semap.region where map_id = p_map_id;
   return coalesce(v_changed, '{}');
 end $$;
-comment on function semap.repair_regions is
-  'Write the regions of a map anew where they are not what the queries and the map ask for, and the cells and edges of all.';
 
 -- Make relations of a map what its log says that they are, since that is what clients and rules believe; a stay in a
 -- region that is gone ends. Says which pairs were written.
@@ -110,8 +106,6 @@ begin
   )
   select * from unsaid union select * from said;
 end $$;
-comment on function semap.relate_as_told is
-  'Make relations of a map what its log says that they are; a stay in a region that is gone ends.';
 
 -- Make all that is kept of the relations of a map what it follows from. Relations with careful regions that are named
 -- (tracks and regions, in pairs) begin anew, as after an edit. Says how many relations began or ended by it.
@@ -190,8 +184,6 @@ begin
   perform semap.repair_past(p_map_id);
   return coalesce(cardinality(v_crossings), 0) + v_pairs;
 end $$;
-comment on function semap.repair_relations is
-  'Make all that is kept of the relations of a map what it follows from.';
 
 -- Make what is over on a map what its log says of it, as far back as that goes.
 create or replace function semap.repair_past(p_map_id integer) returns void
@@ -225,5 +217,3 @@ language sql as $$
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
   from semap.relation_change where change_id in (select change_id from compared where change_id is not null)
 $$;
-comment on function semap.repair_past is
-  'Make what is over on a map what its log says of it, as far back as that goes.';

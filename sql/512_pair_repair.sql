@@ -61,8 +61,6 @@ begin
   )
   select * from unsaid union select * from said;
 end $$;
-comment on function semap.pair_as_told is
-  'Make pairs of a map what its log says that they are; what holds with something that takes no part ends.';
 
 -- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.
 -- Says how many relations began or ended by it.
@@ -105,5 +103,3 @@ begin
   return (select count(*) from semap.relation_change
           where map_id = p_map_id and change_id > v_before and kind in ('began', 'ended') and amendment is null);
 end $$;
-comment on function semap.repair_pairs is
-  'Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.';

@@ -4,7 +4,8 @@
 do $$
 declare
   -- the right to SET ROLE, which since PostgreSQL 16 membership alone is not: who creates a role may just grant it
-  c_act  constant text := case when current_setting('server_version_num')::integer >= 160000 then 'set' else 'member' end;
+  c_act  constant text := case when current_setting('server_version_num')::integer >= 160000 then 'set'
+                               else 'member' end;
   v_role      text;
   v_function  regprocedure;
 begin
@@ -34,7 +35,8 @@ begin
 end $$;
 
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation, semap.object_state,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation,
+  semap.object_state,
   semap.track_amendment
 to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
@@ -42,7 +44,8 @@ grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
 grant execute on function semap.ensure_partitions, semap.add_states, semap.hand_over_tracks to semap_ingest;
 
-grant execute on function semap.compact_states, semap.flush_silent_sources, semap.complete_silent_sources, semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
+grant execute on function semap.compact_states, semap.flush_silent_sources, semap.complete_silent_sources,
+  semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
 grant execute on function
   semap.ensure_partitions, semap.drop_day, semap.drop_rows
 to semap_worker;

@@ -2,9 +2,8 @@
 -- webhooks. The roles that end in _map are for callers who are restricted to maps: row-level security keeps them within
 -- semap.visible_maps(), and without any they see nothing. All others see every row.
 
--- Which maps are a caller's own is asked once for a statement; a table without map_id follows its parent, whose rows the caller sees or
--- does not. Restricted roles cannot read the tables of states, but
--- ask semap.states.
+-- Which maps are a caller's own is asked once for a statement; a table without map_id follows its parent, whose rows
+-- the caller sees or does not. Restricted roles cannot read the tables of states, but ask semap.states.
 do $$
 declare
   c_all  constant text := 'semap_read, semap_ingest, semap_worker, semap_api, semap_admin';
@@ -52,15 +51,19 @@ begin
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_amendment,'
-    ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge, semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.pair_progress, semap.track_end, semap.object_state, semap.rule,'
-    ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count, semap.event_evidence,'
+    ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge,'
+    ' semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.pair_progress, semap.track_end,'
+    ' semap.object_state, semap.rule,'
+    ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count,'
+    ' semap.event_evidence,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
-    ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now, semap.relation_span,'
+    ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now,'
+    ' semap.relation_span,'
     ' semap.track_place, semap.track_present, semap.track_amended, semap.retention'
     ' to ' || c_own;
   -- the place of an event among those of all maps, and how far the log is, would tell how much happens on others
-  execute 'grant select (event_id, map_id, rule_name, rule_version, type, stamp, cause, track_id, track_name, instance_id,'
-    ' instance_name, since, created_at, key, measures, confidence, by_batch) on semap.event to ' || c_own;
+  execute 'grant select (event_id, map_id, rule_name, rule_version, type, stamp, cause, track_id, track_name,'
+    ' instance_id, instance_name, since, created_at, key, measures, confidence, by_batch) on semap.event to ' || c_own;
   execute 'grant select (worker) on semap.progress to ' || c_own;
 end $$;
 
@@ -79,7 +82,8 @@ grant insert, update, delete on
   semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_admin;
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation, semap.object_state,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation,
+  semap.object_state,
   semap.track_amendment
 to semap_admin;
 grant update (watermark, lateness, ended) on semap.source to semap_admin;

@@ -2,11 +2,9 @@
 
 -- Where a track was at the stamp of one of its states; null where it has none then.
 create or replace function semap.place_at(p_track_id bigint, p_stamp timestamptz) returns public.geometry
-language sql stable parallel safe strict as $$
+language sql stable parallel safe as $$
   select public.st_point(s.x_m, s.y_m) from semap.states(array[p_track_id], p_stamp, p_stamp) s
 $$;
-comment on function semap.place_at is
-  'Where a track was at the stamp of one of its states; null where it has none then.';
 
 -- The stamp of the first state of any track of a map.
 create or replace function semap.first_state_of_map(p_map_id integer) returns timestamptz
@@ -15,8 +13,6 @@ language sql stable parallel safe security definer set search_path = pg_catalog,
   where map_id = p_map_id
     and ((select semap.visible_maps() is null) or p_map_id = any ((select semap.visible_maps())::integer[]))
 $$;
-comment on function semap.first_state_of_map is
-  'The stamp of the first state of any track of a map.';
 
 do $$
 declare

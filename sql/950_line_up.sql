@@ -1,5 +1,5 @@
--- What an earlier version kept of openings that are crossed is brought in line with what is kept of them now: it did not
--- know openings as lines.
+-- What an earlier version kept of openings that are crossed is brought in line with what is kept of them now: it did
+-- not know openings as lines.
 do $$
 begin
   if exists (select from semap.continuous_query where predicate = 'crosses' and enabled) then

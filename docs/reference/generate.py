@@ -15,9 +15,9 @@ from typing import Any
 import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
-from semap_service.app import create_app
 from semap_service.cli import commands
-from semap_service.problem import STATUS, TYPE
+from semap_service.http.problem import STATUS, TYPE
+from semap_service.serving.app import create_app
 
 from semap import Client
 from semap.rules.language.clauses import SKIPS
@@ -25,13 +25,10 @@ from semap.rules.language.reading import ALL_CLAUSES
 from semap.rules.language.template import TEMPLATES
 from semap.rules.language.words import OF_FORMULAS, OF_PATTERNS
 from semap.rules.row import PROPERTIES
+from semap.store.object_comment import comments_in
 
 CHECKOUT = Path(__file__).parents[2]
 MODELS = "ingest/semap_ingest/models"
-COMMENT = re.compile(
-    r"comment on (function|procedure|aggregate|view) (semap(?:_query)?\.\w+)(?:\([^)]*\))? is\s*\n?"
-    r"((?:\s*'(?:[^']|'')*')+);"
-)
 SIGNATURE = (
     r"create (?:or replace )?(?:function|procedure|aggregate) {name}\s*\((?P<takes>.*?)\)\s*"
     r"(?:returns\s+(?P<gives>.*?))?\s*(?:language|as|strict|\(\s*sfunc)"
@@ -105,16 +102,16 @@ def sql() -> str:
     ]
     for file in sorted((CHECKOUT / "sql").glob("*.sql")):
         text = file.read_text()
-        found = [(each[2], _joined(each[3])) for each in COMMENT.finditer(text) if each[1] != "view"]
+        found = [each for each in comments_in(text) if each.kind in ("function", "procedure", "aggregate")]
         if not found:
             continue
         parts.append(f"## {file.stem.partition('_')[2].replace('_', ' ').capitalize()}\n")
-        for name, comment in found:
-            parts.append(f"### {name.partition('.')[2]}\n")
-            signature = _signature(name, text)
+        for each in found:
+            parts.append(f"### {each.name.partition('.')[2]}\n")
+            signature = _signature(each.name, text)
             if signature:
                 parts.append(f"```sql\n{signature}\n```\n")
-            parts.append(f"{_plain(comment)}\n")
+            parts.append(f"{_plain(each.text)}\n")
     return "\n".join(parts)
 
 
@@ -210,11 +207,6 @@ def _signature(name: str, text: str) -> str | None:
     takes = " ".join(found["takes"].split())
     gives = " ".join((found["gives"] or "").split())
     return f"{name}({takes}){f' returns {gives}' if gives else ''}"
-
-
-def _joined(literals: str) -> str:
-    """The text of string literals that SQL joins where they are on lines of their own."""
-    return "".join(each.replace("''", "'") for each in re.findall(r"'((?:[^']|'')*)'", literals))
 
 
 def _call(function: Callable[..., Any]) -> str:

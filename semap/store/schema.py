@@ -20,6 +20,7 @@ from sqlalchemy import Connection, text
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
 from semap.store.database import connect, one_transaction, translated
+from semap.store.object_comment import comment_statements
 
 log = logging.getLogger(__name__)
 
@@ -164,7 +165,8 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
         return False
     cursor = connection.connection.cursor()
     for file in _behaviour_files():
-        cursor.execute(file.read_text())
+        sql = file.read_text()
+        cursor.execute(f"{sql}\n{comment_statements(sql)}")
     connection.execute(text("delete from semap.behaviour"))
     connection.execute(
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}

@@ -21,11 +21,20 @@ NEVER = literal_column("'-infinity'::timestamptz", track_place.c.stamp.type)
 
 
 @dataclass(frozen=True)
+class PresentState(TrackState):
+    """Where a track was last seen.
+
+    footprint  the ground that it covers; None where its extent is not known
+    """
+
+    footprint: shapely.Polygon | None = None
+
+
+@dataclass(frozen=True)
 class Track:
     """A track; `state` is None until its first state, `live` False before that and after its end.
 
     concept     what kind of thing it is, if that was said; attributes what else is known
-    footprint   the ground that it covers; None where its extent is not known
     """
 
     track_id: int
@@ -37,8 +46,7 @@ class Track:
     ended_at: datetime | None
     concept: str | None
     attributes: Mapping[str, Any]
-    state: TrackState | None
-    footprint: shapely.Polygon | None
+    state: PresentState | None
 
 
 def list_tracks(
@@ -116,8 +124,10 @@ def described(
 
 def _track(row: Sequence[Any]) -> Track:
     known, stamp, values, shape = row[:9], row[9], row[10:-1], row[-1]
-    state = None if stamp is None else TrackState(stamp, *values)
-    return Track(*[*known, state, None if shape is None else shapely.from_wkb(shape)])
+    if stamp is None:
+        return Track(*[*known, None])
+    footprint = None if shape is None else shapely.from_wkb(shape)
+    return Track(*[*known, PresentState(*[stamp, *values, False, footprint])])
 
 
 _FOOTPRINT = func.semap.track_footprint(

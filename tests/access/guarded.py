@@ -15,8 +15,8 @@ import uvicorn
 from fastapi import FastAPI
 from patience import until
 from semap_service.access.limits import LIMITS, Limits
-from semap_service.app import create_app
-from semap_service.serving import OPTIONS
+from semap_service.serving.app import create_app
+from semap_service.serving.uvicorn_server import OPTIONS
 from world import World
 
 from semap.store.database import one_transaction

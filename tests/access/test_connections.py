@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 from guarded import Guarded, guarded, until
-from semap_service.feed.connection import HttpConnection
-from semap_service.request_head import HEAD_BYTES
+from semap_service.http.connection import HttpConnection
+from semap_service.http.request_head import HEAD_BYTES
 
 UPGRADE = (
     "Host: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"

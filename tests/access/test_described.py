@@ -12,7 +12,7 @@ import pytest
 from guarded import KINDS, Guarded, furnish, give_tokens, guarded
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
-from semap_service.app import create_app
+from semap_service.serving.app import create_app
 from server import fresh_database
 
 from semap.cluster import Cluster

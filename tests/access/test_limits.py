@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from patience import until
 from semap_service.access.credentials import address_of
-from semap_service.access.host import is_loopback
 from semap_service.access.limits import LIMITS
-from semap_service.access.rate import BURST, Buckets
-from semap_service.origin import require_origin
+from semap_service.access.loopback_host import is_loopback
+from semap_service.access.rate_limit import BURST, Buckets
+from semap_service.http.own_origin import require_origin
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as connect_socket
 

@@ -10,9 +10,9 @@ from functools import cache
 import httpx
 import pytest
 from guarded import Building
-from semap_service.access.caller import INCLUDED
 from semap_service.access.policy import POLICY, demand_of
-from semap_service.app import create_app
+from semap_service.context.caller import INCLUDED
+from semap_service.serving.app import create_app
 from sqlalchemy import event
 from websockets.sync.client import connect
 

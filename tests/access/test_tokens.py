@@ -62,7 +62,7 @@ def test_that_a_token_is_used_is_written_once_a_minute(building: Building) -> No
     with service.client(secret) as client, connect(service.dsn) as owner:
         for _ in range(3):
             assert client.get("/maps").status_code == 200
-            service.app.state.known_tokens.forget(client_id(service, "busy"))
+            service.app.state.token_cache.forget(client_id(service, "busy"))
             stamps |= set(
                 owner.execute("select last_used_at from semap.token where name = 'busy'").fetchall()
             )
@@ -116,7 +116,7 @@ def test_a_poll_that_waits_ends_when_its_token_is_revoked(building: Building) ->
                 target=lambda: answers.append(client.get(f"/events?after={newest}&wait=15"))
             )
             waiting.start()
-            until(lambda: service.app.state.known_tokens.is_known(secret))
+            until(lambda: service.app.state.token_cache.is_known(secret))
             owner.execute("update semap.token set revoked_at = now() where name = 'waiting'")
         waiting.join()
         assert [each.status_code for each in answers] == [401]
@@ -139,7 +139,7 @@ def test_a_map_that_is_deleted_leaves_its_tokens_and_does_not_return_by_name(bui
 
 def time_is_over(service: Guarded, name: str) -> None:
     """What is remembered of a token is asked again."""
-    service.app.state.known_tokens.forget(client_id(service, name))
+    service.app.state.token_cache.forget(client_id(service, name))
 
 
 @pytest.mark.parametrize(

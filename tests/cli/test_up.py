@@ -14,7 +14,7 @@ import httpx
 import pytest
 from patience import moment
 from semap_service import demo
-from semap_service.port import free_port
+from semap_service.processes.port import free_port
 from server import reachable_folder
 
 from semap.cluster import Cluster

@@ -8,7 +8,7 @@ import sys
 
 import httpx
 from patience import until
-from semap_service.port import free_port
+from semap_service.processes.port import free_port
 
 PATIENCE_S = 60.0
 

@@ -5,7 +5,7 @@ import sys
 import pytest
 from rule_work import running_worker
 from semap_service.cli import demo
-from semap_service.demo.recorded_office import play_recorded_office, verdict
+from semap_service.cli.recorded_office import play_recorded_office, verdict
 
 
 def test_the_verdict_says_what_is_wrong():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from semap_service.port import free_port
+from semap_service.processes.port import free_port
 from transcript import Session, environment
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from semap_service.app import create_app
+from semap_service.serving.app import create_app
 
 from semap import Client
 from semap.rules.language.template import TEMPLATES
@@ -51,7 +51,8 @@ def test_rest(generate: ModuleType) -> None:
 def test_every_function_of_the_schema(generate: ModuleType) -> None:
     page = generate.sql()
     for file in (CHECKOUT / "sql").glob("*.sql"):
-        for name in re.findall(r"^comment on function semap(?:_query)?\.(\w+)", file.read_text(), re.M):
+        created = r"^create or replace (?:aggregate|function|procedure) semap(?:_query)?\.(\w+)"
+        for name in re.findall(created, file.read_text(), re.M):
             assert f"### {name}\n" in page, name
     assert "semap.in_objects(" in page
     assert "semap_query.is_near(" in page

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator, Draft202012Validator
-from semap_service.asyncapi import MESSAGES, asyncapi
+from semap_service.documents.asyncapi import MESSAGES, asyncapi
 
 OFFICIAL = Path(__file__).parent / "asyncapi_3.0.0_schema.json"
 DOCUMENT = json.loads(json.dumps(asyncapi("maps.example:8000", secure=True)))

@@ -6,8 +6,8 @@ import pytest
 from cloudevents.core.formats.json import JSONFormat
 from cloudevents.core.v1.event import CloudEvent
 from jsonschema import Draft202012Validator
-from semap_service.cloud_event import CloudEventDocument, cloud_event, cloud_event_json
-from semap_service.routes.event_document import event_json
+from semap_service.documents.cloud_event import CloudEventDocument, cloud_event, cloud_event_json
+from semap_service.documents.event import event_json
 from stored import STAMP, stored
 
 SCHEMA = "http://127.0.0.1:8000/schemas/event"

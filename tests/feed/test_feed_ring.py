@@ -4,9 +4,10 @@ import asyncio
 
 from hypothesis import given
 from hypothesis import strategies as st
-from semap_service.feed import Entry, Feed, Selection
+from semap_service.database.event_selection import Selection
 from semap_service.feed.channel import Channels
-from semap_service.feed.form import Envelope, SocketForm
+from semap_service.feed.encoding import Envelope, SocketEncoding
+from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import create_engine
 from stored import stored
 
@@ -60,13 +61,13 @@ def test_all_of_one_selection_are_sent_the_same_bytes() -> None:
     async def play() -> None:
         feed = await filled([[10] * 6])
         channels = Channels(feed)
-        form = SocketForm(Envelope())
-        with channels.following(OFFICE, form) as one, channels.following(OFFICE, form) as two:
+        encoding = SocketEncoding(Envelope())
+        with channels.following(OFFICE, encoding) as one, channels.following(OFFICE, encoding) as two:
             assert one is two
             first, second = await one.after(0), await two.after(0)
             assert first.written is second.written
             assert (first.cursor, first.count, first.is_full) == (6, 3, False)
-            with channels.following(Selection(), form) as other:
+            with channels.following(Selection(), encoding) as other:
                 assert (await other.after(0)).count == 6
             feed._append([entry(seq, 70_000) for seq in range(7, 13)])
             batch = await one.after(6)

@@ -4,8 +4,7 @@ from datetime import timedelta
 
 import pytest
 import shapely
-from semap_service.feed import Selection
-from semap_service.feed.selection import KINDS
+from semap_service.database.event_selection import KINDS, Selection
 from stored import STAMP, stored
 
 from semap.errors import InvalidInput

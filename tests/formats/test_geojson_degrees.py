@@ -11,7 +11,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from semap_service.placed_geojson import placed_geojson
+from semap_service.exchange.placed_geojson import placed_geojson
 
 from semap.cluster import Cluster
 from semap.errors import Conflict, InvalidInput

@@ -9,9 +9,9 @@ import sys
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from semap_service.context.request_id import CURRENT, request_id
 from semap_service.operations.log_lines import JsonLines, TextLines
 from semap_service.operations.redaction import HIDDEN, redacted
-from semap_service.operations.request_id import CURRENT, request_id
 
 
 def record(message: str, *values: object, **extra: object) -> logging.LogRecord:

@@ -14,8 +14,8 @@ from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
 from opentelemetry.instrumentation.psycopg import PsycopgInstrumentor
 from opentelemetry.sdk.trace import ReadableSpan
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
-from semap_service.app import create_app
 from semap_service.operations import tracing
+from semap_service.serving.app import create_app
 
 TRACE = "4bf92f3577b34da6a3ce929d0e0e4736"
 

@@ -73,7 +73,7 @@ def test_the_core_is_enough_by_itself(tmp_path: Path) -> None:
         ran = semap(environment, tmp_path, *command)
         assert ran.returncode == 0, ran.stderr
     python = environment / "bin" / "python"
-    ask = "from semap_service.app import create_app; import sys; sys.exit('/maps' not in create_app('').openapi()['paths'])"
+    ask = "from semap_service.serving.app import create_app; import sys; sys.exit('/maps' not in create_app('').openapi()['paths'])"
     ran = subprocess.run([python, "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import httpx
 import psycopg
 import pytest
-from semap_service.port import free_port
+from semap_service.processes.port import free_port
 from server import SETTINGS, reachable_folder
 
 from semap.cluster import Cluster, lease

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from plan import Plan
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, expect, sync_playwright
-from semap_service.page import FILES
+from semap_service.http.page import FILES
 from served import Office, Served
 from server import fresh_database
 

@@ -4,7 +4,7 @@ import pytest
 from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording
 from semap_ingest.simulation.office import OfficePaths, write_office
 from semap_ingest.simulation.settings import OfficeSettings
-from semap_service.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, read_file
 from server import fresh_database
 from stored_results import stored
 

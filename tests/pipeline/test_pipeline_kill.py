@@ -11,7 +11,7 @@ import time
 
 import pytest
 from patience import any_moment, moment, until
-from semap_service.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, read_file
 from server import SETTINGS, reachable_folder
 from stored_results import stored
 

@@ -6,8 +6,8 @@ import pytest
 import uvicorn
 from patience import until
 from running import Service
-from semap_service.app import create_app
-from semap_service.serving import OPTIONS
+from semap_service.serving.app import create_app
+from semap_service.serving.uvicorn_server import OPTIONS
 
 from semap.store.database import connect
 

@@ -11,7 +11,7 @@ from functools import cache
 import httpx
 from jsonschema import Draft202012Validator
 from running import Service
-from semap_service.feed.message import CloudEvents, Events, Failure, Heartbeat, Hello, TooSlow
+from semap_service.documents.feed import CloudEvents, Events, Failure, Heartbeat, Hello, TooSlow
 
 MODELS = {"hello": Hello, "heartbeat": Heartbeat, "error": Failure, "too_slow": TooSlow, "events": Events}
 

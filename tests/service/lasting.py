@@ -16,9 +16,9 @@ import httpx
 import uvicorn
 from patience import until
 from running import Service
-from semap_service.app import create_app
-from semap_service.port import free_port
-from semap_service.serving import OPTIONS
+from semap_service.processes.port import free_port
+from semap_service.serving.app import create_app
+from semap_service.serving.uvicorn_server import OPTIONS
 from server import fresh_database
 
 from semap.cluster import Cluster

@@ -19,8 +19,8 @@ import uvicorn
 from fastapi import FastAPI
 from jsonschema import Draft202012Validator
 from patience import until
-from semap_service.app import create_app
-from semap_service.feed import Feed
+from semap_service.feed.ring import Feed
+from semap_service.serving.app import create_app
 from shapely.geometry import mapping
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)

@@ -18,13 +18,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from running import Service
-from semap_service import app as app_module
-from semap_service.app import create_app
-from semap_service.document import Request
-from semap_service.json_body import BESIDE_BYTES, MOST_BYTES, UPLOADS, BoundedJson
-from semap_service.json_values import MOST_VALUES, require_few_values
+from semap_service.documents.document import Request
+from semap_service.documents.json_values import MOST_VALUES, require_few_values
+from semap_service.http.body_limit import LimitedBody
+from semap_service.http.json_body import BESIDE_BYTES, MOST_BYTES, UPLOADS, BoundedJson
 from semap_service.routes import operators
-from semap_service.upload import LimitedBody
+from semap_service.serving import app as app_module
+from semap_service.serving.app import create_app
 from starlette.exceptions import HTTPException
 
 from semap.errors import TooLarge
@@ -125,7 +125,7 @@ def _count(value: object) -> int:
 def test_values_are_counted_and_texts_are_not(value: object, most: int) -> None:
     """Never fewer than there are are let through as more; what texts hold does not count."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("semap_service.json_values.MOST_VALUES", most)
+        patched.setattr("semap_service.documents.json_values.MOST_VALUES", most)
         try:
             require_few_values(json.dumps(value, ensure_ascii=False).encode())
         except TooLarge:
@@ -249,7 +249,9 @@ def test_a_large_file_is_read_by_a_process_of_its_own(service: Service) -> None:
 def test_a_body_that_trickles_is_given_up(monkeypatch: pytest.MonkeyPatch, part: bytes, ends: bool) -> None:
     """Ten seconds pass with each part, by the clock that it looks at."""
     ticks = itertools.count(0, 10)
-    monkeypatch.setattr("semap_service.upload.time", SimpleNamespace(monotonic=lambda: float(next(ticks))))
+    monkeypatch.setattr(
+        "semap_service.http.body_limit.time", SimpleNamespace(monotonic=lambda: float(next(ticks)))
+    )
     left = [part] * 40
 
     async def receive() -> dict:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import shapely
 from running import Service, box_mesh
-from semap_service import shape_document
-from semap_service.etag import etag_of, names
+from semap_service.documents import shape as shape_document
+from semap_service.http.etag import etag_of, names
 
 GRID_YAML = (
     b"image: g.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"

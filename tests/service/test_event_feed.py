@@ -15,8 +15,8 @@ import shapely
 from following import any_message, deaf, drained, events, message, narrow, numbers
 from patience import until
 from running import START, Service
-from semap_service.document import rfc3339
-from semap_service.feed import Entry, Feed
+from semap_service.documents.document import rfc3339
+from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import Connection, create_engine
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -358,7 +358,7 @@ def test_a_reader_that_does_not_read_is_told_and_holds_up_nobody(service: Servic
 def test_who_takes_nothing_even_then_is_cut_off(
     service: Service, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("semap_service.feed.connection.CLOSE_S", 0.2)
+    monkeypatch.setattr("semap_service.http.connection.CLOSE_S", 0.2)
     service.make_map()
     service.pace(patience_s=0.2)
     service.happen(1, 5000)

@@ -17,9 +17,9 @@ from following import any_message, deaf, events, message, numbers, stream
 from jsonschema import Draft202012Validator
 from patience import until
 from running import Service
-from semap_service.app import create_app
-from semap_service.port import free_port
-from semap_service.serving import OPTIONS
+from semap_service.processes.port import free_port
+from semap_service.serving.app import create_app
+from semap_service.serving.uvicorn_server import OPTIONS
 from starlette.middleware.gzip import GZipMiddleware
 from websockets.sync.client import connect
 

@@ -12,7 +12,7 @@ import shapely
 import trimesh
 from running import Service, box_mesh
 from semap_service import demo
-from semap_service.archive import pack, unpack
+from semap_service.exchange.zip_archive import pack, unpack
 from shapely.geometry import shape
 
 from semap.errors import InvalidInput, TooLarge

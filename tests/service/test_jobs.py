@@ -21,11 +21,11 @@ from lasting import PATIENCE_S, lasting_service
 from patience import until
 from running import Service, box_mesh
 from semap_service import demo
-from semap_service.access.caller import ANYONE
+from semap_service.context.caller import ANYONE
 from semap_service.jobs.failure import problem_of
+from semap_service.jobs.kinds import KINDS
 from semap_service.jobs.runner import JobSettings
 from semap_service.jobs.task import Task
-from semap_service.jobs.work import KINDS
 from shapely.geometry import mapping
 
 from semap.cluster import Cluster

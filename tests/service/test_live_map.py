@@ -12,8 +12,8 @@ import shapely
 from following import narrow
 from jsonschema import Draft202012Validator
 from running import START, Service
-from semap_service.document import rfc3339
-from semap_service.live.document import Delta, LiveHeartbeat, Snapshot
+from semap_service.documents.document import rfc3339
+from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -207,7 +207,7 @@ def test_a_slow_page_skips_what_is_overtaken(service: Service) -> None:
 def test_a_page_that_takes_nothing_is_told_and_cut_off(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("semap_service.feed.connection.CLOSE_S", 0.2)
+    monkeypatch.setattr("semap_service.http.connection.CLOSE_S", 0.2)
     service.make_map()
     service.pace(patience_s=1)
     people = crowd(service, 100)

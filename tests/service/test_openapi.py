@@ -1,5 +1,7 @@
 """The published description says what the service does. `service.client` checks each answer against it."""
 
+import json
+import re
 from pathlib import Path
 
 import httpx
@@ -8,6 +10,8 @@ import shapely
 from rule_work import running_worker
 from running import PROBLEM, Service, box_mesh
 from semap_service import demo
+from semap_service.documents.asyncapi import asyncapi
+from semap_service.serving.document_schemas import document_schemas
 
 OFFICE = Path(demo.__file__).parent / "office.geojson"
 DESCRIBED = (
@@ -327,6 +331,26 @@ def test_all_references_lead_somewhere(service: Service) -> None:
     schemas = service.described["components"]["schemas"]
     wanted = {reference.removeprefix("#/components/schemas/") for reference in references(service.described)}
     assert wanted <= set(schemas)
+
+
+def test_no_name_of_a_schema_says_in_which_file_it_is_written(service: Service) -> None:
+    """FastAPI puts the module before the name where two documents have the same one."""
+    schemas = service.app.openapi()["components"]["schemas"]
+    assert [name for name in schemas if "__" in name] == []
+
+
+def test_the_documents_of_rest_and_of_the_feeds_are_one_schema(service: Service) -> None:
+    rest = service.app.openapi()["components"]["schemas"]
+    feeds = asyncapi("localhost", secure=False)["components"]["schemas"]
+    assert {"EventDocument", "ShownDoorDocument"} <= rest.keys() & feeds.keys()
+    described = document_schemas()["$defs"]
+    assert described.keys() == rest.keys() | feeds.keys()
+    for name in rest.keys() & feeds.keys():
+        both = ({**each[name], "examples": None} for each in (rest, feeds))
+        assert next(both) == next(both), name
+    references = set(re.findall(r'"\$ref": "#/\$defs/([^"]+)"', json.dumps(described)))
+    assert references
+    assert references <= described.keys()
 
 
 def test_the_index_leads_to_what_exists(service: Service) -> None:

@@ -8,10 +8,10 @@ import psycopg
 import pytest
 import shapely
 from running import Service
-from semap_service.app import create_app
-from semap_service.operator_docs import SERVICES, operator_docs
+from semap_service.serving.app import create_app
 from shapely.geometry import shape
 
+from docs.reference.operators import SERVICES, operator_docs
 from semap.store.operator_table import OPERATORS
 
 SQUARE = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]}
@@ -207,7 +207,7 @@ def test_the_table_is_that_of_the_functions(office: Service, plain: psycopg.Conn
 def test_the_committed_documentation_is_current() -> None:
     committed = Path(__file__).parents[2] / "docs" / "operators.md"
     assert committed.read_text() == operator_docs(), (
-        "Run: python -m semap_service.operator_docs > docs/operators.md"
+        "Run: python docs/reference/operators.py > docs/operators.md"
     )
 
 

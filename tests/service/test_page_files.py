@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 from fastapi import FastAPI
-from semap_service import page
+from semap_service.http import page
 
 SCRIPT = "assets/index-1a2b3c.js"
 Get = Callable[..., httpx.Response]

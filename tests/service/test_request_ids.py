@@ -75,7 +75,9 @@ def test_what_nobody_expected_is_answered_counted_and_logged(
     assert answer.headers["x-request-id"] == answer.json()["request_id"] == "three"
     assert "ZeroDivisionError" not in answer.text
     assert lines(service, access_log, 1)[-1].status == 500
-    assert [each for each in access_log.records if each.exc_info and each.name == "semap_service.problem"]
+    assert [
+        each for each in access_log.records if each.exc_info and each.name == "semap_service.http.problem"
+    ]
     assert 'status="500"' in service.raw.get("/metrics").text
 
 

@@ -10,7 +10,7 @@ from lasting import lasting_service
 from patience import until
 from receiving import Received, Receiver
 from running import Service
-from semap_service.webhooks.deliverer import WebhookSettings
+from semap_service.webhooks.delivery import WebhookSettings
 from semap_service.webhooks.retry import Retry
 from standardwebhooks.webhooks import WebhookVerificationError
 

@@ -107,9 +107,11 @@ def test_versions_are_those_of_alembic() -> None:
     assert [script.down_revision for script in scripts.walk_revisions()] == [*versions[1:], None]
 
 
-def test_every_function_says_what_it_does(database: str) -> None:
+def test_every_function_and_view_says_what_it_is(database: str) -> None:
     with connect(database) as connection:
         silent = connection.execute(
             "select proname from pg_proc where pronamespace = 'semap'::regnamespace and obj_description(oid) is null"
+            " union all select relname from pg_class where relnamespace = 'semap'::regnamespace and relkind = 'v'"
+            " and obj_description(oid, 'pg_class') is null"
         ).fetchall()
     assert silent == []

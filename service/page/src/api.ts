@@ -1,15 +1,6 @@
 /** Requests to the service on the page's own host: with the token, and errors as what they say. */
 
-/** RFC 9457, as semap answers every error. */
-export interface Problem {
-  type: string;
-  title: string;
-  status: number;
-  detail: string;
-  instance: string;
-  remedy: string;
-  errors: { where: string; message: string }[];
-}
+import type { Problem } from "./documents";
 
 /** A request that was refused, or never answered (status 0). */
 export class ApiError extends Error {

@@ -2,8 +2,8 @@
 
 import type { ReadonlySignal } from "@preact/signals";
 
-import type { Api } from "./api";
 import type { EventDocument } from "./documents";
+import type { Api } from "./api";
 import type { State } from "./state";
 
 /** A place that the pointer is at, in metres of the map frame, on the floor of the storey shown. */

@@ -2,9 +2,9 @@
 
 import { batch, effect, signal } from "@preact/signals";
 
-import { ApiError, allPages, path, type Api, type Problem } from "./api";
+import type { Delta, EventDocument, MapDocument, Problem, Snapshot } from "./documents";
+import { ApiError, allPages, path, type Api } from "./api";
 import type { App } from "./app";
-import type { Delta, EventDocument, MapDocument, Snapshot } from "./documents";
 import { Live } from "./live/live";
 import { World } from "./live/world";
 import { readMap } from "./map/read";

@@ -2,8 +2,7 @@
 
 import { computed, signal, type ReadonlySignal } from "@preact/signals";
 
-import type { Problem } from "./api";
-import type { EventDocument, MapDocument } from "./documents";
+import type { EventDocument, MapDocument, Problem } from "./documents";
 import type { MapModel } from "./map/model";
 
 export type Selection =

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from starlette.routing import compile_path
 
 from semap.store.operator_table import OPERATORS
-from semap_service.access.caller import Scope
+from semap_service.context.caller import Scope
 
 READING = ("GET", "HEAD", "OPTIONS")
 

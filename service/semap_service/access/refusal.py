@@ -1,4 +1,4 @@
-"""How the gate says no: a problem over HTTP, a message and a close code over a WebSocket."""
+"""How a request is refused: a problem over HTTP, a message and a close code over a WebSocket."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from starlette.types import Receive, Send
 from starlette.types import Scope as Connection
 
 from semap_service.access.credentials import SUBPROTOCOL
-from semap_service.problem import problem_response
+from semap_service.http.problem import problem_response
 
 CLOSE_CODES = {
     HTTPStatus.UNAUTHORIZED: 4401,

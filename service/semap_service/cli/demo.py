@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import psycopg
 
     from semap_service.demo.scenes import Scene
-    from semap_service.supervisor import Supervisor
+    from semap_service.processes.supervisor import Supervisor
 
 CAUGHT_UP_S = 30.0
 FIRST_SCENE = 4
@@ -53,9 +53,9 @@ def demo(
     own maps are not touched. A recording of a simulated office is made at first use and kept in the cache.
     """
     from semap_service.demo.scenes import scenes  # noqa: PLC0415
-    from semap_service.port import free_port, require_free  # noqa: PLC0415
-    from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
-    from semap_service.temporary_server import temporary_server  # noqa: PLC0415
+    from semap_service.processes.port import free_port, require_free  # noqa: PLC0415
+    from semap_service.processes.supervisor import Supervisor, stop_signal  # noqa: PLC0415
+    from semap_service.processes.temporary_server import temporary_server  # noqa: PLC0415
 
     port = port or free_port()
     require_free("127.0.0.1", port)
@@ -81,9 +81,9 @@ def demo(
 
 
 def _play_recording(dsn: str, fast: bool) -> None:
+    from semap_service.cli.perception_extra import REMEDY, missing_packages  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
-    from semap_service.demo.recorded_office import PACE, play_recorded_office  # noqa: PLC0415
-    from semap_service.perception_extra import REMEDY, missing_packages  # noqa: PLC0415
+    from semap_service.cli.recorded_office import PACE, play_recorded_office  # noqa: PLC0415
 
     missing = missing_packages()
     if missing:

@@ -44,7 +44,7 @@ def office(
     tf) is made at first use and kept in the cache. PostGIS, the rule worker and all else run for it alone.
     One play takes half a minute, in real time (delays, repeat) one and a half.
     """
-    from semap_service.perception_extra import require_perception  # noqa: PLC0415
+    from semap_service.cli.perception_extra import require_perception  # noqa: PLC0415
 
     chosen = part or ["detection", "throughput"]
     _require(chosen, folder, data)
@@ -53,8 +53,8 @@ def office(
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
     from semap_service.evaluation.office import Stage, evaluate  # noqa: PLC0415
     from semap_service.evaluation.report import table, write  # noqa: PLC0415
-    from semap_service.supervisor import Supervisor  # noqa: PLC0415
-    from semap_service.temporary_server import temporary_server  # noqa: PLC0415
+    from semap_service.processes.supervisor import Supervisor  # noqa: PLC0415
+    from semap_service.processes.temporary_server import temporary_server  # noqa: PLC0415
 
     failed = []
     with temporary_server("evaluate") as dsn, Supervisor(dsn) as supervisor:

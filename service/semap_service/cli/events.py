@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Engine
 
     from semap.store.events import StoredEvent, Stretch
-    from semap_service.feed import Selection
+    from semap_service.database.event_selection import Selection
 
 PAGE = 500
 WAKE_S = 1.0
@@ -59,7 +59,7 @@ def events(
     dsn: Dsn = None,
 ) -> None:
     """Show events, oldest first, each with its number: who entered or left which room, and when."""
-    from semap_service.feed import Selection  # noqa: PLC0415
+    from semap_service.database.event_selection import Selection  # noqa: PLC0415
 
     selection = Selection(map_name, kind, rule, where)
     selection.check()

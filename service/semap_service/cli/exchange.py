@@ -62,7 +62,7 @@ def import_file(
     import tempfile  # noqa: PLC0415
 
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
-    from semap_service.map_file import bring_in, read_file  # noqa: PLC0415
+    from semap_service.exchange.map_file import bring_in, read_file  # noqa: PLC0415
 
     with (
         progress_bar("objects read", quiet=as_json) as advance,
@@ -127,7 +127,7 @@ def export_file(
             import json  # noqa: PLC0415
 
             from semap.store.map_export import placed_instances  # noqa: PLC0415
-            from semap_service.placed_geojson import placed_geojson  # noqa: PLC0415
+            from semap_service.exchange.placed_geojson import placed_geojson  # noqa: PLC0415
 
             placed = placed_instances(connection, map_name)
             document = placed_geojson(connection, map_name, placed, crs)

@@ -69,8 +69,8 @@ def up(
 ) -> None:
     """Run everything: PostGIS (semap's own, without --dsn), the rule worker and the service."""
     from semap.store.patience import Reminder  # noqa: PLC0415
-    from semap_service.port import require_free  # noqa: PLC0415
-    from semap_service.supervisor import Supervisor, stop_signal  # noqa: PLC0415
+    from semap_service.processes.port import require_free  # noqa: PLC0415
+    from semap_service.processes.supervisor import Supervisor, stop_signal  # noqa: PLC0415
 
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
@@ -143,7 +143,7 @@ def work(
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
     from semap.worker.settling import settling  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
-    from semap_service.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
 
     write_log(log_format, log_level)
     stop = stop_signal()
@@ -172,13 +172,13 @@ def serve(
 ) -> None:
     """Run the service: REST, feeds and the page over HTTP."""
     from semap_service.access.limits import Limits  # noqa: PLC0415
-    from semap_service.app import create_app  # noqa: PLC0415
     from semap_service.jobs.runner import JobSettings  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
-    from semap_service.port import require_free  # noqa: PLC0415
-    from semap_service.serving import serve as run  # noqa: PLC0415
-    from semap_service.supervisor import stop_signal  # noqa: PLC0415
-    from semap_service.webhooks.deliverer import WebhookSettings  # noqa: PLC0415
+    from semap_service.processes.port import require_free  # noqa: PLC0415
+    from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.serving.app import create_app  # noqa: PLC0415
+    from semap_service.serving.uvicorn_server import serve as run  # noqa: PLC0415
+    from semap_service.webhooks.delivery import WebhookSettings  # noqa: PLC0415
 
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
@@ -203,7 +203,7 @@ def serve(
 def require_tokens(host: str, without_tokens: bool) -> None:
     """raises InvalidInput where everybody on a network could do everything"""
     from semap.errors import InvalidInput  # noqa: PLC0415
-    from semap_service.access.host import is_loopback  # noqa: PLC0415
+    from semap_service.access.loopback_host import is_loopback  # noqa: PLC0415
 
     if without_tokens and not is_loopback(f"[{host}]" if ":" in host else host):
         raise InvalidInput(

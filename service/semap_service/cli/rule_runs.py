@@ -96,7 +96,7 @@ def learn(
     """Fit the confidence of a rule to the gaps in stored history, as its next version."""
     from semap.store.database import connect, one_transaction  # noqa: PLC0415
     from semap.worker.past import learnt  # noqa: PLC0415
-    from semap_service.rule_editing import replace_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import replace_rule  # noqa: PLC0415
 
     with database(dsn) as opened:
         declaration, found = _declared(opened, rule, map_name)

@@ -145,7 +145,7 @@ def add(
         emit: {began: came, ended: went}
     """
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import add_rule, backfill_stamp, replace_rule  # noqa: PLC0415
 
     declaration = declaration_in(file)
     since = None if backfill is None else backfill_stamp(backfill)
@@ -172,7 +172,7 @@ def replace(
 ) -> None:
     """Let a rule declare something else, as its next version; what it gathered for the former is dropped."""
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import backfill_stamp, replace_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import backfill_stamp, replace_rule  # noqa: PLC0415
 
     since = None if backfill is None else backfill_stamp(backfill)
     with _editing(dsn) as connection:
@@ -194,7 +194,7 @@ def disable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None
 def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     """Delete a rule that no other reads; the events that it made stay."""
     from semap.store.rules import find_rule  # noqa: PLC0415
-    from semap_service.rule_editing import delete_rule  # noqa: PLC0415
+    from semap_service.database.rule_edit import delete_rule  # noqa: PLC0415
 
     with _editing(dsn) as connection:
         known = find_rule(connection, rule, map_name)

@@ -48,7 +48,7 @@ def add(
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import get_map  # noqa: PLC0415
     from semap.store.webhooks import create_webhook  # noqa: PLC0415
-    from semap_service.feed import Selection  # noqa: PLC0415
+    from semap_service.database.event_selection import Selection  # noqa: PLC0415
     from semap_service.webhooks.address import require_url  # noqa: PLC0415
     from semap_service.webhooks.signature import new_secret, shown  # noqa: PLC0415
 

@@ -21,7 +21,7 @@ from semap.store.database import connect, one_transaction
 from semap.store.maps import delete_map
 from semap.store.rules import add_rule
 from semap.timeline.stamp import to_us
-from semap_service.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, read_file
 
 PATIENCE_S = 60.0
 POLL_S = 0.2

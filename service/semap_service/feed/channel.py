@@ -7,15 +7,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from semap_service.feed.form import SocketForm, StreamForm
+from semap_service.database.event_selection import Selection
+from semap_service.feed.encoding import SocketEncoding, StreamEncoding
 from semap_service.feed.ring import Feed, Page
-from semap_service.feed.selection import Selection
 
 BATCH_EVENTS = 500
 BATCH_BYTES = 128 * 1024
 BATCHES_KEPT = 2
 
-Form: TypeAlias = SocketForm | StreamForm
+Encoding: TypeAlias = SocketEncoding | StreamEncoding
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,10 @@ class Batch:
 
 
 class Channel:
-    """The batches of one selection in one form; the last ones are kept for others who are at that place."""
+    """The batches of one selection in one encoding; the last ones are kept for others at that place."""
 
-    def __init__(self, feed: Feed, selection: Selection, form: Form) -> None:
-        self.form = form
+    def __init__(self, feed: Feed, selection: Selection, encoding: Encoding) -> None:
+        self.encoding = encoding
         self.selection = selection
         self._feed = feed
         self._kept: dict[int, Batch] = {}
@@ -61,7 +61,7 @@ class Channel:
         return self._written(page.of_at_most(BATCH_BYTES))
 
     def _written(self, page: Page) -> Batch:
-        written = self.form.events(page.entries, page.cursor) if page.entries else None
+        written = self.encoding.events(page.entries, page.cursor) if page.entries else None
         return Batch(written, page.cursor, len(page.entries), page.is_full)
 
 
@@ -70,13 +70,13 @@ class Channels:
     """Those that somebody follows."""
 
     feed: Feed
-    _open: dict[tuple[Selection, Form, int], tuple[Channel, int]] = field(default_factory=dict)
+    _open: dict[tuple[Selection, Encoding, int], tuple[Channel, int]] = field(default_factory=dict)
 
     @contextmanager
-    def following(self, selection: Selection, form: Form) -> Iterator[Channel]:
+    def following(self, selection: Selection, encoding: Encoding) -> Iterator[Channel]:
         """The channel of a selection, for as long as it is followed."""
-        key = (selection, form, self.feed.beginnings)
-        channel, followers = self._open.get(key) or (Channel(self.feed, selection, form), 0)
+        key = (selection, encoding, self.feed.beginnings)
+        channel, followers = self._open.get(key) or (Channel(self.feed, selection, encoding), 0)
         self._open[key] = (channel, followers + 1)
         try:
             with self.feed.placing(selection):

@@ -31,13 +31,14 @@ from semap.errors import SemapError, ServerUnavailable
 from semap.store.database import connect, translated
 from semap.store.events import StoredEvent, newest_event, read_stretch, take_events, take_newest
 from semap.store.patience import Reminder
-from semap_service.feed.selection import Selection
-from semap_service.routes.event_document import event_json
-from semap_service.transaction import transaction
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import transaction
+from semap_service.documents.event import event_json
+from semap_service.http.outlet import MOST_BEHIND
 
 log = logging.getLogger(__name__)
 
-RING_SIZE = 10_000
+RING_SIZE = MOST_BEHIND
 RING_BYTES = 16 * 1024 * 1024
 """Of the events' JSON; what Python needs beside it is a few times that of small events."""
 BATCH = 1000

@@ -2,36 +2,23 @@
 
 What has happened while the client took the last message is one message, so that messages are few where
 events are many. A client is at its own pace, but for two limits: what it is sent it takes within
-`PATIENCE_S`, and once it has come up with what happens, it is not further behind than `MOST_BEHIND` for
+`patience_s`, and once it has come up with what happens, it is not further behind than `most_behind` for
 longer than that. One that is gets told so, with the cursor to go on at, and is closed.
 """
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
 
 from semap.errors import InvalidInput
-from semap_service.feed.beginning import Beginning
+from semap_service.documents.feed import Hello, TooSlow
 from semap_service.feed.channel import Channel
-from semap_service.feed.message import Hello, TooSlow
-from semap_service.feed.outlet import NotTaken, Outlet
-from semap_service.feed.ring import RING_SIZE, Feed
-
-PATIENCE_S = 10.0
-MOST_BEHIND = RING_SIZE
+from semap_service.feed.ring import Feed
+from semap_service.feed.start_position import StartPosition
+from semap_service.http.outlet import NotTaken, Outlet, Pace
 
 
-@dataclass(frozen=True)
-class Pace:
-    """How fast a client has to be, and after how much silence it is told that the connection is alive."""
-
-    heartbeat_s: float
-    patience_s: float = PATIENCE_S
-    most_behind: int = MOST_BEHIND
-
-
-async def follow(feed: Feed, channel: Channel, outlet: Outlet, beginning: Beginning, pace: Pace) -> None:
+async def follow(feed: Feed, channel: Channel, outlet: Outlet, beginning: StartPosition, pace: Pace) -> None:
     """Send a client all that its channel gives, until the task is cancelled or the client is too slow.
 
     raises  ServerUnavailable if the past is needed and the database does not answer
@@ -52,7 +39,7 @@ class _FellBehind(Exception):
 
 class _Subscription:
     def __init__(
-        self, feed: Feed, channel: Channel, outlet: Outlet, beginning: Beginning, pace: Pace
+        self, feed: Feed, channel: Channel, outlet: Outlet, beginning: StartPosition, pace: Pace
     ) -> None:
         self.cursor = beginning.cursor
         self._feed = feed
@@ -78,7 +65,7 @@ class _Subscription:
             oldest=self._beginning.oldest,
             resumed="no_longer_kept" if self._beginning.gap else "replayed" if missed else "nothing_missed",
         )
-        await self._put(self._channel.form.hello(hello))
+        await self._put(self._channel.encoding.hello(hello))
         while True:
             self._require_same()
             if batch.written is not None:
@@ -103,7 +90,7 @@ class _Subscription:
         self._feed.too_slow += 1
         self._outlet.let_pass()
         message = TooSlow(cursor=self.cursor, detail=why)
-        await self._outlet.put(self._channel.form.message(message), self._pace.patience_s)
+        await self._outlet.put(self._channel.encoding.message(message), self._pace.patience_s)
 
     async def _come_level(self) -> None:
         """Wait for what is after the cursor."""
@@ -115,7 +102,7 @@ class _Subscription:
 
     async def _beat(self) -> None:
         if self._now_s() - self._sent_s >= self._pace.heartbeat_s:
-            await self._put(self._channel.form.heartbeat(self.cursor))
+            await self._put(self._channel.encoding.heartbeat(self.cursor))
 
     def _require_near(self) -> None:
         behind = self._head - self.cursor

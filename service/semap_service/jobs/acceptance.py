@@ -18,15 +18,15 @@ from fastapi.responses import JSONResponse
 
 from semap.errors import TooManyRequests
 from semap.store.jobs import Job, Kind, Owner, get_job
-from semap_service.access.caller import SYSTEM, acting_as, current_caller
-from semap_service.file_name import file_name
-from semap_service.jobs.body_limit import wants_job
+from semap_service.context.caller import SYSTEM, acting_as, current_caller
+from semap_service.context.request_id import current_request_id
+from semap_service.database.transaction import Writing, transaction
+from semap_service.documents.job import JobDocument
+from semap_service.exchange.file_name import file_name
+from semap_service.http.problem import MEDIA_TYPE, problems
 from semap_service.jobs.failure import stopped
 from semap_service.jobs.runner import MOST_WAITING, JobRunner
-from semap_service.operations.request_id import current_request_id
-from semap_service.problem import MEDIA_TYPE, problems
-from semap_service.routes.job_document import JobDocument, job_document
-from semap_service.transaction import Writing, transaction
+from semap_service.jobs.upload_limit import wants_job
 
 READ_AT_ONCE_BYTES = 256 * 1024
 LOOK_S = 0.1
@@ -109,7 +109,7 @@ class Acceptance:
 
 def _begun(job: Job) -> JSONResponse:
     headers = {"Location": f"/jobs/{job.job_id}", "Preference-Applied": "respond-async"}
-    return JSONResponse(job_document(job).model_dump(mode="json"), HTTPStatus.ACCEPTED, headers)
+    return JSONResponse(JobDocument.model_validate(job).model_dump(mode="json"), HTTPStatus.ACCEPTED, headers)
 
 
 def _acceptance(

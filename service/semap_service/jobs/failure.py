@@ -6,7 +6,8 @@ from http import HTTPStatus
 from typing import Any
 
 from semap.errors import InvalidInput, SemapError
-from semap_service.problem import STATUS, TYPE, Place, Problem
+from semap_service.documents.problem import Place, Problem
+from semap_service.http.problem import STATUS, TYPE
 
 
 def problem_of(error: SemapError, job_id: int) -> dict[str, Any]:

@@ -22,11 +22,11 @@ from sqlalchemy import Connection, Engine
 from semap.errors import SemapError
 from semap.store.database import open_engine
 from semap.store.jobs import fail_job, finish_job, report, stop_job
-from semap_service.access.caller import SYSTEM, acting_as
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.transaction import Editing, Writing, transaction
 from semap_service.jobs.failure import out_of_memory, problem_of, stopped, unexpected, unreadable
+from semap_service.jobs.kinds import KINDS
 from semap_service.jobs.task import Task
-from semap_service.jobs.work import KINDS
-from semap_service.transaction import Editing, Writing, transaction
 
 log = logging.getLogger(__name__)
 

@@ -34,11 +34,11 @@ from semap.store.jobs import (
     start_job,
 )
 from semap.store.patience import Reminder
-from semap_service.access.caller import SYSTEM, Caller, acting_as
+from semap_service.context.caller import SYSTEM, Caller, acting_as
+from semap_service.database.transaction import transaction
 from semap_service.jobs.failure import died, stopped
 from semap_service.jobs.spool import Spool, Spooled
 from semap_service.jobs.task import Task
-from semap_service.transaction import transaction
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from semap.store.jobs import Kind
-from semap_service.access.caller import Caller
+from semap_service.context.caller import Caller
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from datetime import datetime
 from pydantic import TypeAdapter
 
 from semap.store.live import LiveMap
-from semap_service.document import rfc3339
-from semap_service.live.document import ShownDoorDocument, ShownTrackDocument, track_values
+from semap_service.documents.document import rfc3339
+from semap_service.documents.live_map import ShownDoorDocument, ShownTrackDocument, track_values
 
 
 @dataclass(frozen=True)

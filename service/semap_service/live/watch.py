@@ -14,13 +14,12 @@ from sqlalchemy import Engine
 from semap.errors import NotFound, SemapError
 from semap.store.live import LiveMap, live_map
 from semap.store.patience import Reminder
-from semap_service.access.caller import SYSTEM, acting_as
-from semap_service.feed.form import text_frame
-from semap_service.feed.outlet import Outlet
-from semap_service.feed.subscription import Pace
-from semap_service.live.document import LiveHeartbeat
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.transaction import transaction
+from semap_service.documents.live_map import LiveHeartbeat
+from semap_service.http.outlet import Outlet, Pace
+from semap_service.http.websocket import text_frame
 from semap_service.live.picture import Picture, delta, picture_of, snapshot
-from semap_service.transaction import transaction
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from urllib.parse import quote, urlencode
 
 from fastapi import Request, Response
 
-from semap_service.ogc.document import GEO_JSON, JSON, SCHEMA_JSON, Link
+from semap_service.documents.ogc_features import GEO_JSON, JSON, SCHEMA_JSON, Link
 
 
 def address(request: Request, *path: str, **query: object) -> str:

@@ -8,7 +8,9 @@ import json
 import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from typing import Annotated, Literal
 
+from fastapi import Path, Query
 from pydantic import BeforeValidator
 
 from semap.cql2 import Expression, check, parse
@@ -21,6 +23,23 @@ from semap.timeline.stamp import require_usual
 OPEN = ("", "..")
 MOST_SORT_KEYS = 8
 AS_TEXT = "Give CQL2 JSON, or filter-lang=cql2-text."
+
+
+CollectionId = Annotated[
+    str,
+    Path(
+        min_length=1,
+        max_length=450,
+        pattern=r"^[^\x00]*$",
+        description="map.Concept, map.tracks, map.relations or map.events.",
+        examples=["office.Room"],
+    ),
+]
+Format = Annotated[Literal["json"] | None, Query(alias="f", description="There is JSON only.")]
+Crs = Annotated[
+    str | None, Query(max_length=200, description="Give coordinates in this system. [default: CRS84]")
+]
+FeatureId = Annotated[str, Path(min_length=1, max_length=50, pattern=r"^[^\x00]*$", examples=["7"])]
 
 
 def at_most(largest: int) -> BeforeValidator:

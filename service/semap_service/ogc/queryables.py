@@ -9,7 +9,7 @@ from fastapi import Request
 from semap.cql2 import Kind
 from semap.store.features.collection import Collection
 from semap.store.features.source import GEOMETRY, Source
-from semap_service.ogc.document import PropertiesSchema
+from semap_service.documents.ogc_features import PropertiesSchema
 from semap_service.ogc.links import address
 from semap_service.ogc.parameters import sortable
 

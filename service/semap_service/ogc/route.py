@@ -11,8 +11,9 @@ from fastapi.dependencies.utils import get_flat_params
 from fastapi.exceptions import RequestValidationError
 
 from semap.errors import InvalidInput
-from semap_service.etag import TaggedRoute
-from semap_service.problem import Place, places, problem_response
+from semap_service.documents.problem import Place
+from semap_service.http.etag import TaggedRoute
+from semap_service.http.problem import places, problem_response
 
 KIND = "invalid-input"
 

@@ -1,1 +1,1 @@
-"""What those see who run semap: request ids, logs, metrics, traces, readiness, and what the doctor finds."""
+"""What those see who run semap: logs, metrics, traces, readiness, and what the doctor finds."""

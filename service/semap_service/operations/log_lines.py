@@ -12,8 +12,8 @@ import sys
 from datetime import UTC, datetime
 from enum import StrEnum
 
+from semap_service.context.request_id import current_request_id
 from semap_service.operations.redaction import redacted
-from semap_service.operations.request_id import current_request_id
 
 SEMAP_LOGGERS = ("semap", "semap_ingest", "semap_service")
 CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, 0x85, 0x2028, 0x2029)} | {10: "\\n", 9: "\\t"}

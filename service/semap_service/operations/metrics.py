@@ -24,9 +24,9 @@ from semap import __version__
 from semap.errors import SemapError
 from semap.store.figures import Figures, newest, read_figures, sample_lags
 from semap.store.schema import head_version
-from semap_service.access.caller import SYSTEM, acting_as
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.transaction import transaction
 from semap_service.operations.instruments import Instruments
-from semap_service.transaction import transaction
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from semap import __version__
-from semap_service.operations.request_id import IDENTITY, request_id
+from semap_service.context.request_id import IDENTITY, request_id
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

@@ -1,1 +1,1 @@
-"""The endpoints, one file for each resource."""
+"""The endpoints, one file for each resource; what two of them need is in a room below."""

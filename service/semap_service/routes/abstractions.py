@@ -13,11 +13,11 @@ from semap.model.source_geometry import PolygonMesh
 from semap.store import abstractions
 from semap.store.anchor import on_earth
 from semap.store.instances import get_instance
-from semap_service.crs import Crs, epsg_of
-from semap_service.document import BandDocument, Document, Id
-from semap_service.etag import TaggedRoute, reads
-from semap_service.shape_document import ShapeDocument, shape_document
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import BandDocument, Document, Id
+from semap_service.documents.shape import ShapeDocument, shape_document
+from semap_service.exchange.crs import Crs, epsg_of
+from semap_service.http.etag import TaggedRoute, reads
 
 router = APIRouter(tags=["abstractions"], route_class=TaggedRoute)
 

@@ -9,9 +9,9 @@ from sqlalchemy import Connection
 from semap.errors import NotFound
 from semap.model.anchor import Anchor
 from semap.store.anchor import read_anchor, remove_anchor, set_anchor
-from semap_service.document import PoseDocument, Request
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import PoseDocument, Request
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["maps"], route_class=TaggedRoute)
 

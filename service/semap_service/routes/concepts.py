@@ -10,10 +10,10 @@ from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
 from semap.store import concept
-from semap_service.document import Document, Name, Request
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import Document, Name, Request
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["concepts"], route_class=TaggedRoute)
 
@@ -92,7 +92,8 @@ def list_concepts(
     with transaction(database) as connection:
         found = concept.list_concepts(connection, after=after, limit=limit)
     return ConceptList(
-        concepts=[_document(each) for each in found], next=found[-1].name if len(found) == limit else None
+        concepts=[ConceptDocument.model_validate(each) for each in found],
+        next=found[-1].name if len(found) == limit else None,
     )
 
 
@@ -105,7 +106,7 @@ def create_concept(write: Write, new: NewConcept, response: Response) -> Concept
     with write.begin() as connection:
         made = concept.create_concept(connection, wanted)
     response.headers["Location"] = f"/concepts/{quote(made.name, safe='')}"
-    return _document(made)
+    return ConceptDocument.model_validate(made)
 
 
 @router.get("/concepts/{name}", operation_id="get_concept", responses=reads(404))
@@ -127,7 +128,7 @@ def change_concept(edit: Edit, name: str, changes: ConceptChanges) -> ConceptDoc
             comment=changes.comment,
             attribute_schema=changes.attribute_schema,
         )
-    return _document(changed)
+    return ConceptDocument.model_validate(changed)
 
 
 @router.delete("/concepts/{name}", operation_id="delete_concept", status_code=204, responses=edits(404, 409))
@@ -138,14 +139,4 @@ def delete_concept(edit: Edit, name: str) -> None:
 
 
 def _read(connection: Connection, name: str) -> ConceptDocument:
-    return _document(concept.get_concept(connection, name))
-
-
-def _document(found: concept.Concept) -> ConceptDocument:
-    return ConceptDocument(
-        name=found.name,
-        parents=list(found.parents),
-        iris=list(found.iris),
-        comment=found.comment,
-        attribute_schema=None if found.attribute_schema is None else dict(found.attribute_schema),
-    )
+    return ConceptDocument.model_validate(concept.get_concept(connection, name))

@@ -10,7 +10,8 @@ from sqlalchemy import Connection
 
 from semap.model.source_geometry import GeometryType
 from semap.store import blueprints
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     After,
     BandDocument,
@@ -23,9 +24,8 @@ from semap_service.document import (
     Request,
     next_after,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["descriptions"], route_class=TaggedRoute)
 

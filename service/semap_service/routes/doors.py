@@ -9,9 +9,19 @@ from pydantic import Field
 
 from semap.store import doors
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
+    After,
+    Document,
+    Limit,
+    MapFilter,
+    Name,
+    Next,
+    Stamp,
+    next_after,
+    stored,
+)
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["doors"])
 
@@ -21,9 +31,9 @@ State = Literal["opening", "open", "closing", "closed"]
 class DoorDocument(Document):
     """A door with a leaf, as it was last seen."""
 
-    id: int = Field(description="Of the instance.")
+    id: int = stored("instance_id", description="Of the instance.")
     map: str = Field(examples=["office"])
-    name: str = Field(examples=["Door07"])
+    name: str = stored("door", examples=["Door07"])
     state: State | None = Field(description="null until it is seen, and again after it was moved.")
     since: Stamp | None = Field(description="When this state began.")
     stamp: Stamp | None = Field(description="When its leaf was last seen.")
@@ -59,11 +69,6 @@ def list_doors(
             connection, map_name=map_name, name=name, state=state, after=after, limit=limit
         )
     return DoorList(
-        doors=[_document(each) for each in found],
+        doors=[DoorDocument.model_validate(each) for each in found],
         next=next_after([each.instance_id for each in found], limit),
     )
-
-
-def _document(door: doors.Door) -> DoorDocument:
-    known = {name: getattr(door, name) for name in DoorDocument.model_fields if name not in ("id", "name")}
-    return DoorDocument(id=door.instance_id, name=door.door, **known)

@@ -12,17 +12,17 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.types import Receive, Scope, Send
 
 from semap.errors import SemapError
-from semap_service.document import LARGEST_ID
-from semap_service.feed import Feed
-from semap_service.feed.beginning import begin, cursor_of
-from semap_service.feed.connection import lent
-from semap_service.feed.form import StreamForm
-from semap_service.feed.message import Failure
-from semap_service.feed.outlet import NotTaken, StreamOutlet
-from semap_service.feed.subscription import Pace, follow
-from semap_service.problem import problems
-from semap_service.routes.events import EnvelopeName, Wanted, envelope_of
-from semap_service.transaction import Database
+from semap_service.database.transaction import Database
+from semap_service.documents.document import LARGEST_ID
+from semap_service.documents.feed import Failure
+from semap_service.feed.encoding import StreamEncoding
+from semap_service.feed.request import EnvelopeName, Wanted, cursor_of, envelope_of
+from semap_service.feed.ring import Feed
+from semap_service.feed.start_position import begin
+from semap_service.feed.subscription import follow
+from semap_service.http.connection import lent
+from semap_service.http.outlet import NotTaken, Pace, StreamOutlet
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["events"])
 
@@ -97,17 +97,17 @@ async def stream_events(
     feed: Feed = request.app.state.feed
     begun = cursor_of(last_event_id, "Last-Event-ID") if last_event_id else after
     beginning = await feed.ask(partial(begin, database, begun, wanted))
-    form = StreamForm(envelope_of(envelope, request))
+    encoding = StreamEncoding(envelope_of(envelope, request))
     pace: Pace = request.app.state.pace
 
     async def write(outlet: StreamOutlet) -> None:
-        with feed.following("sse"), request.app.state.channels.following(wanted, form) as channel:
+        with feed.following("sse"), request.app.state.channels.following(wanted, encoding) as channel:
             try:
                 await follow(feed, channel, outlet, beginning, pace)
             except SemapError as error:
                 failure = Failure(detail=str(error), remedy=error.remedy)
                 with suppress(NotTaken):
-                    await outlet.put(form.message(failure), pace.patience_s)
+                    await outlet.put(encoding.message(failure), pace.patience_s)
 
     return EventStream(write)
 

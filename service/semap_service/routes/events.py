@@ -7,22 +7,22 @@ import time
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
 from pydantic import Field, TypeAdapter
-from starlette.requests import HTTPConnection, Request
+from starlette.requests import Request
 
-from semap_service.access.caller import current_caller
-from semap_service.asyncapi import asyncapi
-from semap_service.cloud_event import BATCH, CloudEventDocument, schema_url
-from semap_service.document import LARGEST_ID, Document, Limit, MapFilter, Name
-from semap_service.feed import Feed, Page, Selection
-from semap_service.feed.beginning import begin
-from semap_service.feed.connection import Connection, lent
-from semap_service.feed.form import Envelope
-from semap_service.problem import problems
-from semap_service.routes.event_document import EventDocument
-from semap_service.transaction import Database
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import Database
+from semap_service.documents.asyncapi import asyncapi
+from semap_service.documents.cloud_event import BATCH, CloudEventDocument, schema_url
+from semap_service.documents.document import LARGEST_ID, Document, Limit
+from semap_service.documents.event import EventDocument
+from semap_service.feed.request import EnvelopeName, Wanted, envelope_of
+from semap_service.feed.ring import Feed, Page
+from semap_service.feed.start_position import begin
+from semap_service.http.connection import Connection, lent
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["events"])
 
@@ -32,11 +32,6 @@ LONGEST_SEARCH_S = 2.0
 SCHEMA = "application/schema+json"
 
 REFERENCES = "#/components/schemas/{model}"
-
-EnvelopeName = Annotated[
-    Literal["cloudevents"] | None,
-    Query(description="Give each event as a CloudEvents 1.0 object (JSON format)."),
-]
 
 
 class AsyncApiDocument(Document):
@@ -54,34 +49,6 @@ class AsyncApiDocument(Document):
 class EventList(Document):
     events: list[EventDocument] = Field(description="In the order of their numbers.")
     next: int = Field(description="`after` of the next request, whether or not there was an event.")
-
-
-def _wanted(
-    map_name: MapFilter = None,
-    event_type: Annotated[Name | None, Query(alias="type", description="Only events of this type.")] = None,
-    rule_name: Annotated[Name | None, Query(alias="rule", description="Only events of this rule.")] = None,
-    filter: Annotated[  # noqa: A002
-        str | None,
-        Query(
-            min_length=1,
-            max_length=8000,
-            description="Only events that this CQL2 text takes. It may ask for seq, map, type, rule,"
-            " rule_version, track, track_id, instance, instance_id, stamp, since, cause, confidence,"
-            " by_batch, verdict, place (where its track was then, or else its instance is, in the map"
-            " frame), and for key.NAME, measures.NAME and payload.NAME (either of the two).",
-            examples=["instance = 'Room07' AND measures.gap_s < 2"],
-        ),
-    ] = None,
-) -> Selection:
-    return Selection(map_name, event_type, rule_name, filter, current_caller().maps)
-
-
-Wanted = Annotated[Selection, Depends(_wanted)]
-
-
-def envelope_of(name: str | None, connection: HTTPConnection) -> Envelope:
-    """How a client wants its events."""
-    return Envelope(None if name is None else schema_url(connection))
 
 
 def _batch_schema() -> dict[str, Any]:

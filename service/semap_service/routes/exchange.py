@@ -23,17 +23,17 @@ from semap.formats.gltf import write_gltf
 from semap.store.database import see_one_state
 from semap.store.map_export import export_map, placed_instances
 from semap.store.maps import get_map
-from semap_service.archive import pack
-from semap_service.crs import Crs
-from semap_service.document import Name
-from semap_service.file_name import file_name
-from semap_service.instance_file import InstanceImportDocument, write_instances
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import Name
+from semap_service.documents.file_import import ImportDocument, InstanceImportDocument, import_document
+from semap_service.exchange.crs import Crs
+from semap_service.exchange.file_name import file_name
+from semap_service.exchange.instance_file import write_instances
+from semap_service.exchange.map_file import bring_in, read_file
+from semap_service.exchange.placed_geojson import placed_geojson
+from semap_service.exchange.zip_archive import pack
+from semap_service.http.problem import problems
 from semap_service.jobs.acceptance import Later, or_later
-from semap_service.map_file import bring_in, read_file
-from semap_service.placed_geojson import placed_geojson
-from semap_service.problem import problems
-from semap_service.routes.import_document import ImportDocument, import_document
-from semap_service.transaction import Database, Write, transaction
 
 router = APIRouter(tags=["maps"])
 

@@ -10,7 +10,8 @@ from sqlalchemy import Connection
 
 from semap.store import frames
 from semap.store.placement import ROOT_FRAME
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
     After,
     Document,
     Id,
@@ -22,10 +23,10 @@ from semap_service.document import (
     Request,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["frames"], route_class=TaggedRoute)
 
@@ -36,7 +37,7 @@ At = Annotated[InStamp | None, Query(description="At this time (RFC 3339). [defa
 class FrameDocument(Document):
     """A frame and where it stands now."""
 
-    id: int
+    id: int = stored("frame_id")
     map: str = Field(examples=["office"])
     name: str = Field(examples=["Table1"])
     parent: str | None = Field(description="null: it is a root.", examples=["map"])
@@ -104,7 +105,8 @@ def list_frames(database: Database, name: str, limit: Limit = 100, after: After 
     with transaction(database) as connection:
         found = frames.list_frames(connection, name, after=after, limit=limit)
     return FrameList(
-        frames=[_document(each) for each in found], next=next_after([each.frame_id for each in found], limit)
+        frames=[FrameDocument.model_validate(each) for each in found],
+        next=next_after([each.frame_id for each in found], limit),
     )
 
 
@@ -116,7 +118,7 @@ def create_frame(write: Write, name: str, new: NewFrame, response: Response) -> 
     with write.begin() as connection:
         made = frames.create_frame(connection, name, new.name, new.parent, new.pose.pose())
     response.headers["Location"] = f"/frames/{made.frame_id}"
-    return _document(made)
+    return FrameDocument.model_validate(made)
 
 
 @router.get("/maps/{name}/transform", operation_id="get_transform", responses=reads(404))
@@ -189,15 +191,4 @@ def set_pose(write: Write, id: Id, new: StampedPoseDocument) -> StampedPoseDocum
 
 
 def _read(connection: Connection, frame_id: int) -> FrameDocument:
-    return _document(frames.get_frame(connection, frame_id))
-
-
-def _document(found: frames.Frame) -> FrameDocument:
-    return FrameDocument(
-        id=found.frame_id,
-        map=found.map,
-        name=found.name,
-        parent=found.parent,
-        pose=None if found.pose is None else PoseDocument.model_validate(found.pose),
-        is_static=found.is_static,
-    )
+    return FrameDocument.model_validate(frames.get_frame(connection, frame_id))

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import PurePath
 from typing import Annotated
 
 from fastapi import APIRouter, File, Form, Path, UploadFile
 from fastapi import Request as HttpRequest
 from fastapi.responses import Response
-from pydantic import Field, Json
-from sqlalchemy import Connection
+from pydantic import Json
 
-from semap.errors import InvalidInput, NotFound
-from semap.model.building import HeightBand
-from semap.model.source_geometry import GeometryType, SourceGeometry
+from semap.model.source_geometry import SourceGeometry
 from semap.store import blueprints
-from semap_service.document import BandDocument, Document, FewValues, Id, PoseDocument, Request
-from semap_service.etag import Representation, TaggedRoute, edits, reads
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import FewValues, Id, PoseDocument
+from semap_service.documents.geometry import (
+    GeometryDocument,
+    NewGeometry,
+    UploadedGeometry,
+    geometry_document,
+)
+from semap_service.exchange.geometry_forms import find_geometry, geometry_forms
+from semap_service.exchange.mesh_response import MEDIA_TYPES, Format, format_of, mesh_response
+from semap_service.exchange.mesh_upload import Unit, UpAxis, findings, read_upload
+from semap_service.http.etag import TaggedRoute, edits, reads
 from semap_service.jobs.acceptance import Later, or_later
-from semap_service.mesh_answer import MEDIA_TYPES, Format, format_of, mesh_bytes, mesh_response
-from semap_service.mesh_upload import FindingDocument, Unit, UpAxis, findings, read_upload
-from semap_service.shape_document import ShapeDocument, fits_json, shape_document, shape_of
-from semap_service.transaction import Database, Edit, transaction
 
 router = APIRouter(tags=["descriptions"], route_class=TaggedRoute)
 
@@ -31,51 +33,6 @@ GeometryName = Annotated[
     str, Path(min_length=1, max_length=200, pattern=r"^[^/\x00]*$", description="Such as Body or Outline.")
 ]
 MESH: dict[str, dict[str, object]] = {MEDIA_TYPES["glb"]: {}, MEDIA_TYPES["ply"]: {}}
-
-
-class GeometryDocument(Document):
-    """A source geometry of a description."""
-
-    name: str = Field(examples=["Body"])
-    type: GeometryType
-    pose: PoseDocument = Field(description="description_T_geometry")
-    band: BandDocument | None = Field(
-        description="Heights of a POLYGON2D in its own frame; null: every height."
-    )
-    shape: ShapeDocument = Field(description="In its own frame, before the pose.")
-
-
-class BandRequest(Request):
-    """Heights from z_min_m up to, but not including, z_max_m."""
-
-    z_min_m: float
-    z_max_m: float
-
-
-class NewGeometry(Request):
-    """A source geometry. The orientation of POSE2D and POSE3D is that of `pose`; their shape is a point."""
-
-    type: GeometryType
-    shape: ShapeDocument
-    pose: PoseDocument = Field(PoseDocument(), description="description_T_geometry")
-    band: BandRequest | None = Field(None, description="Heights over which a POLYGON2D holds.")
-
-    def source(self, name: str) -> SourceGeometry:
-        """raises InvalidInput if the shape is not of the type, or the heights do not rise"""
-        if self.band is not None and self.type != "POLYGON2D":
-            raise InvalidInput(f"heights of a {self.type}", "Only a POLYGON2D has heights.", "band")
-        if self.band is not None and not self.band.z_min_m < self.band.z_max_m:
-            raise InvalidInput("heights that do not rise", "Let z_min_m be below z_max_m.", "band")
-        band = None if self.band is None else HeightBand(self.band.z_min_m, self.band.z_max_m)
-        return SourceGeometry(name, self.type, shape_of(self.shape, self.type), self.pose.pose(), band)
-
-
-class UploadedGeometry(Document):
-    """What became of an upload, and what was repaired in it."""
-
-    name: str = Field(examples=["Body"])
-    faces: int = Field(description="How many triangles it has.")
-    findings: list[FindingDocument]
 
 
 @router.get(
@@ -94,10 +51,10 @@ def get_geometry(
 ) -> GeometryDocument | Response:
     """A geometry as JSON, or a mesh as a file: in its own frame, before the pose."""
     with transaction(database) as connection:
-        found = _find(connection, id, geometry)
+        found = find_geometry(connection, id, geometry)
     wanted = format_of(request, format)
     response.headers["Vary"] = "Accept"
-    return _document(found) if wanted == "json" else mesh_response(found.shape, wanted)
+    return geometry_document(found) if wanted == "json" else mesh_response(found.shape, wanted)
 
 
 @router.put(WHERE, operation_id="put_geometry", responses=edits(404))
@@ -106,7 +63,7 @@ def put_geometry(edit: Edit, id: Id, geometry: GeometryName, new: NewGeometry) -
     source = new.source(geometry)
     with edit.begin(geometry_forms(id, geometry)) as connection:
         blueprints.put_geometry(connection, id, source)
-        return _document(_find(connection, id, geometry))
+        return geometry_document(find_geometry(connection, id, geometry))
 
 
 @router.put(
@@ -156,36 +113,3 @@ def delete_geometry(edit: Edit, id: Id, geometry: GeometryName) -> None:  # noqa
     """Take a geometry out of a description. Every instance of it follows."""
     with edit.begin(geometry_forms(id, geometry)) as connection:
         blueprints.remove_geometry(connection, id, geometry)
-
-
-def _find(connection: Connection, description_id: int, name: str) -> SourceGeometry:
-    for each in blueprints.geometries_of(connection, description_id):
-        if each.name == name:
-            return each
-    raise NotFound("geometry", name, f"The description {description_id} says what geometries it has.")
-
-
-def geometry_forms(
-    description_id: int, name: str
-) -> Callable[[Connection], tuple[Callable[[], Representation], ...]]:
-    """The geometry in each form in which a reader may have got it."""
-
-    def current(connection: Connection) -> tuple[Callable[[], Representation], ...]:
-        found = _find(connection, description_id, name)
-        as_json = (lambda: _document(found),) if fits_json(found.shape) else ()
-        if found.type not in ("TRIANGLEMESH3D", "POLYGONMESH3D"):
-            return as_json
-        as_files = (lambda: mesh_bytes(found.shape, "glb"), lambda: mesh_bytes(found.shape, "ply"))
-        return (*as_json, *as_files)
-
-    return current
-
-
-def _document(found: SourceGeometry) -> GeometryDocument:
-    return GeometryDocument(
-        name=found.name,
-        type=found.type,
-        pose=PoseDocument.model_validate(found.pose),
-        band=None if found.band is None else BandDocument.model_validate(found.band),
-        shape=shape_document(found.shape),
-    )

@@ -20,9 +20,9 @@ from semap.errors import InvalidInput, NotFound
 from semap.formats.occupancy_grid import read_grid, write_pgm
 from semap.model.map_document import OccupancyGrid
 from semap.store import grids
-from semap_service.document import Document
-from semap_service.etag import Representation, TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import Document
+from semap_service.http.etag import Representation, TaggedRoute, edits, reads
 
 router = APIRouter(tags=["maps"], route_class=TaggedRoute)
 

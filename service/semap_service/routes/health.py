@@ -11,11 +11,12 @@ from starlette.requests import Request
 
 from semap import __version__
 from semap.store.schema import head_version
-from semap_service.access.caller import SYSTEM, acting_as
-from semap_service.document import Document
+from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.transaction import transaction
+from semap_service.documents.document import Document
+from semap_service.documents.problem import Place
+from semap_service.http.problem import RETRY_S, problem_response, problems
 from semap_service.operations.readiness import lacks, read_state
-from semap_service.problem import RETRY_S, Place, problem_response, problems
-from semap_service.transaction import transaction
 
 router = APIRouter(tags=["service"])
 

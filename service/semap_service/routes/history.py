@@ -9,10 +9,10 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.store import history
-from semap_service.document import LARGEST_ID, Document, Id, Limit, Stamp
-from semap_service.etag import TaggedRoute, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Write, transaction
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import LARGEST_ID, Document, Id, Limit, Stamp
+from semap_service.http.etag import TaggedRoute, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["history"], route_class=TaggedRoute)
 

@@ -14,24 +14,34 @@ from semap.model.building import Mesh
 from semap.store import history, instance_links, instances
 from semap.store.instance_edit import Carried, Changes, create_instance, delete_instance, edit_instance
 from semap.store.maps import get_map
-from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, FewValues, Id, InStamp, Limit, MapFilter, Name, Request, next_after
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.jobs.acceptance import Later, or_later
-from semap_service.mesh_upload import Unit, UpAxis, read_upload
-from semap_service.problem import problems
-from semap_service.routes.instance_document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
+    After,
+    FewValues,
+    Id,
+    InStamp,
+    Limit,
+    MapFilter,
+    Name,
+    Request,
+    next_after,
+)
+from semap_service.documents.instance import (
     InstanceChanges,
     InstanceDocument,
     InstanceList,
+    InstanceSummary,
     NewInstance,
     PastInstanceDocument,
     detail,
     past_detail,
     past_summary,
-    summary,
 )
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.exchange.crs import Crs, footprint_in
+from semap_service.exchange.mesh_upload import Unit, UpAxis, read_upload
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
+from semap_service.jobs.acceptance import Later, or_later
 
 router = APIRouter(tags=["instances"], route_class=TaggedRoute)
 
@@ -74,7 +84,7 @@ def list_instances(
             connection, map_name=map_name, concept_name=concept, name=name, after=after, limit=limit
         )
     return InstanceList(
-        instances=[summary(each) for each in found],
+        instances=[InstanceSummary.model_validate(each) for each in found],
         next=next_after([each.instance_id for each in found], limit),
     )
 

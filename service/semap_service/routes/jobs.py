@@ -10,11 +10,11 @@ from fastapi import APIRouter, Query
 from sqlalchemy import Engine
 
 from semap.store import jobs
-from semap_service.access.caller import SYSTEM, acting_as, current_caller
-from semap_service.document import LARGEST_SMALL_ID, Limit, SmallId
-from semap_service.problem import problems
-from semap_service.routes.job_document import JobDocument, JobList, job_document
-from semap_service.transaction import Database, transaction
+from semap_service.context.caller import SYSTEM, acting_as, current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import LARGEST_SMALL_ID, Limit, SmallId
+from semap_service.documents.job import JobDocument, JobList
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["jobs"])
 
@@ -37,7 +37,7 @@ def list_jobs(
     with acting_as(SYSTEM), transaction(database) as connection:
         found = jobs.list_jobs(connection, owner, state=state, before=before, limit=limit)
     return JobList(
-        jobs=[job_document(each) for each in found],
+        jobs=[JobDocument.model_validate(each) for each in found],
         next=found[-1].job_id if len(found) == limit else None,
     )
 
@@ -58,7 +58,7 @@ async def get(
     while job == first and not job.is_finished and (left_s := deadline_s - time.monotonic()) > 0:
         await asyncio.sleep(min(LOOK_S, left_s))
         job = await asyncio.to_thread(_read, database, id, owner)
-    return job_document(job)
+    return JobDocument.model_validate(job)
 
 
 @router.delete("/jobs/{id}", operation_id="cancel_job", responses=problems(404, 409))
@@ -66,7 +66,7 @@ def cancel(database: Database, id: SmallId) -> JobDocument:  # noqa: A002
     """Cancel a job. One that runs stops within seconds and brings nothing in, unless it is done first."""
     owner = _owner()
     with acting_as(SYSTEM), transaction(database) as connection:
-        return job_document(jobs.cancel_job(connection, id, owner))
+        return JobDocument.model_validate(jobs.cancel_job(connection, id, owner))
 
 
 def _read(database: Engine, job_id: int, owner: jobs.Owner) -> jobs.Job:

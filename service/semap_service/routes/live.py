@@ -10,16 +10,14 @@ from sqlalchemy import Engine
 
 from semap.errors import NotFound, SemapError
 from semap.store.maps import map_id_of
-from semap_service.access.caller import current_caller
-from semap_service.feed import Feed
-from semap_service.feed.connection import lent
-from semap_service.feed.form import text_frame
-from semap_service.feed.message import Failure
-from semap_service.feed.outlet import NotTaken, SocketOutlet
-from semap_service.feed.subscription import Pace
+from semap_service.context.caller import current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.feed import Failure
+from semap_service.feed.ring import Feed
+from semap_service.http.connection import lent
+from semap_service.http.outlet import NotTaken, Pace, SocketOutlet
+from semap_service.http.websocket import TOO_SLOW, accept, close, refuse, text_frame, until_gone
 from semap_service.live.watch import Watch, show
-from semap_service.routes.event_feed import TOO_SLOW, accept, close, refuse, until_gone
-from semap_service.transaction import Database, transaction
 
 router = APIRouter()
 

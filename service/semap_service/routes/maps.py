@@ -11,10 +11,10 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.store import maps
-from semap_service.document import Document, Limit, Name, Request, Stamp
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import Document, Limit, Name, Request, Stamp
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["maps"], route_class=TaggedRoute)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from starlette.requests import Request
 
+from semap_service.http.problem import problems
 from semap_service.operations.metrics import OPENMETRICS, TEXT, Metrics
-from semap_service.problem import problems
 
 router = APIRouter(tags=["service"])
 

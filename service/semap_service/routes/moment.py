@@ -10,12 +10,12 @@ from pydantic import Field
 
 from semap.errors import InvalidInput
 from semap.store import events, moment
-from semap_service.access.caller import current_caller
-from semap_service.document import Document, InStamp, Stamp
-from semap_service.live.document import ShownDoorDocument, ShownTrackDocument, track_values
-from semap_service.problem import problems
-from semap_service.routes.event_document import EventDocument, event_document
-from semap_service.transaction import Database, transaction
+from semap_service.context.caller import current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import Document, InStamp, Stamp
+from semap_service.documents.event import EventDocument, event_document
+from semap_service.documents.live_map import ShownDoorDocument, ShownTrackDocument, track_values
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["history"])
 

@@ -10,8 +10,9 @@ from pydantic import ConfigDict, Field
 
 from semap.store import object_states
 from semap.store.maps import get_map
-from semap.store.object_states import NewObjectState, ObjectState
-from semap_service.document import (
+from semap.store.object_states import NewObjectState
+from semap_service.database.transaction import Database, Write, transaction
+from semap_service.documents.document import (
     After,
     Document,
     InStamp,
@@ -22,9 +23,9 @@ from semap_service.document import (
     Request,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, Write, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["object states"])
 
@@ -36,7 +37,7 @@ Attributes = Annotated[dict[str, Any], Field(description="Whatever else the sour
 class ObjectStateDocument(Document):
     """A property of an instance has a value from a stamp on."""
 
-    id: int = Field(description="In the order of arrival.")
+    id: int = stored("object_state_id", description="In the order of arrival.")
     uid: UUID = Field(description="The same for the same state, however often it is sent.")
     map: str
     source: str
@@ -117,7 +118,7 @@ def list_object_states(
             limit=limit,
         )
     return ObjectStateList(
-        object_states=[_document(each) for each in found],
+        object_states=[ObjectStateDocument.model_validate(each) for each in found],
         next=next_after([each.object_state_id for each in found], limit),
     )
 
@@ -137,8 +138,3 @@ def add_object_states(write: Write, new: NewObjectStates) -> AddedObjectStates:
             connection, new.map, new.source, states, watermark=new.watermark
         )
     return AddedObjectStates(added=len(added))
-
-
-def _document(state: ObjectState) -> ObjectStateDocument:
-    values = {name: getattr(state, name) for name in ObjectStateDocument.model_fields if name != "id"}
-    return ObjectStateDocument(id=state.object_state_id, **values)

@@ -2,51 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import Connection
 
 from semap.store.features.collection import Collection, get_collection, list_collections
 from semap.store.features.extent import Extent, extents_of
 from semap.store.features.placing import placing_of
 from semap.store.features.source import source_of
-from semap_service.document import rfc3339
-from semap_service.etag import reads
-from semap_service.ogc import queryables as schemas
-from semap_service.ogc.crs import CRS84_URI, systems_of
-from semap_service.ogc.document import (
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import rfc3339
+from semap_service.documents.ogc_features import (
     JSON,
     CollectionDocument,
+    CollectionExtent,
     Collections,
-    ExtentDocument,
     Link,
     PropertiesSchema,
     SchemaJson,
     SpatialExtent,
     TemporalExtent,
 )
+from semap_service.http.etag import reads
+from semap_service.ogc import queryables as schemas
+from semap_service.ogc.crs import CRS84_URI, systems_of
 from semap_service.ogc.links import add_headers, address, collection_links, same_with
-from semap_service.ogc.parameters import at_most
+from semap_service.ogc.parameters import CollectionId, Format, at_most
 from semap_service.ogc.route import OgcRoute
-from semap_service.transaction import Database, transaction
 
 router = APIRouter(tags=["OGC API"], route_class=OgcRoute)
 
 GREGORIAN = "http://www.opengis.net/def/uom/ISO-8601/0/Gregorian"
 LARGEST_OFFSET = 10_000_000
 
-CollectionId = Annotated[
-    str,
-    Path(
-        min_length=1,
-        max_length=450,
-        pattern=r"^[^\x00]*$",
-        description="map.Concept, map.tracks, map.relations or map.events.",
-        examples=["office.Room"],
-    ),
-]
-Format = Annotated[Literal["json"] | None, Query(alias="f", description="There is JSON only.")]
 Offset = Annotated[int, Query(ge=0, le=LARGEST_OFFSET, description="Leave out so many at the beginning.")]
 
 MEANINGS = {
@@ -168,7 +157,7 @@ DEFAULT_SYSTEMS = 5
 """So many every map is offered in; one with an anchor also in that one's."""
 
 
-def _extent(extent: Extent) -> ExtentDocument | None:
+def _extent(extent: Extent) -> CollectionExtent | None:
     spatial = temporal = None
     if extent.bounds is not None:
         spatial = SpatialExtent(bbox=[list(extent.bounds)], crs=CRS84_URI)
@@ -177,4 +166,4 @@ def _extent(extent: Extent) -> ExtentDocument | None:
         temporal = TemporalExtent(interval=[ends], trs=GREGORIAN)
     if spatial is None and temporal is None:
         return None
-    return ExtentDocument(spatial=spatial, temporal=temporal)
+    return CollectionExtent(spatial=spatial, temporal=temporal)

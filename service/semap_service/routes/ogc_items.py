@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
@@ -14,27 +14,30 @@ from semap.store.features.collection import Collection, get_collection
 from semap.store.features.page import Page, Wanted, read_feature, read_page
 from semap.store.features.placing import placing_of
 from semap.store.features.source import source_of
-from semap_service.etag import reads
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.ogc_features import (
+    GEO_JSON,
+    JSON,
+    FeatureCollection,
+    GeoJson,
+    Link,
+    LinkedFeature,
+)
+from semap_service.http.etag import reads
 from semap_service.ogc import parameters
 from semap_service.ogc.crs import system_of, systems_of
-from semap_service.ogc.document import GEO_JSON, JSON, FeatureCollection, GeoJson, Link, LinkedFeature
 from semap_service.ogc.links import add_headers, address, same_with
 from semap_service.ogc.moving_feature import moving_members
+from semap_service.ogc.parameters import CollectionId, Crs, FeatureId, Format
 from semap_service.ogc.route import OgcRoute
-from semap_service.routes.ogc_collections import CollectionId, Format
-from semap_service.transaction import Database, transaction
 
 router = APIRouter(tags=["OGC API"], route_class=OgcRoute)
 
 LARGEST_PAGE = 10_000
 
-Crs = Annotated[
-    str | None, Query(max_length=200, description="Give coordinates in this system. [default: CRS84]")
-]
 Properties = Annotated[
     str | None, Query(max_length=4000, description="Only these properties, by commas. [default: all]")
 ]
-FeatureId = Annotated[str, Path(min_length=1, max_length=50, pattern=r"^[^\x00]*$", examples=["7"])]
 
 
 @router.get(

@@ -9,11 +9,11 @@ from fastapi.responses import JSONResponse
 from starlette.datastructures import MutableHeaders
 
 from semap import __version__
-from semap_service import page
-from semap_service.document import Document
-from semap_service.etag import reads
+from semap_service.documents.document import Document
+from semap_service.documents.ogc_features import JSON, OPENAPI_JSON, Conformance, LandingPage, Link
+from semap_service.http import page
+from semap_service.http.etag import reads
 from semap_service.ogc.conformance import CLASSES
-from semap_service.ogc.document import JSON, OPENAPI_JSON, Conformance, LandingPage, Link
 from semap_service.ogc.links import add_headers, address
 from semap_service.ogc.openapi30 import as_openapi30
 from semap_service.ogc.route import OgcRoute

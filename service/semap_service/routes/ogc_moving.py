@@ -19,13 +19,10 @@ from semap.store.features.placing import Placing, System, placing_of, shown_shap
 from semap.store.track_history import history, state_at, states_around
 from semap.store.tracks import get_track
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND, to_datetime, to_us
-from semap_service.document import rfc3339
-from semap_service.etag import reads
-from semap_service.ogc import trajectory
-from semap_service.ogc.crs import system_of, systems_of
-from semap_service.ogc.document import JSON, Link
-from semap_service.ogc.links import add_headers, address, same_with
-from semap_service.ogc.moving_document import (
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import rfc3339
+from semap_service.documents.ogc_features import JSON, Link
+from semap_service.documents.ogc_moving_features import (
     MovingPoint,
     NamedSystem,
     TemporalGeometrySequence,
@@ -34,13 +31,14 @@ from semap_service.ogc.moving_document import (
     TemporalPropertySummary,
     ValueSequence,
 )
+from semap_service.http.etag import reads
+from semap_service.ogc import trajectory
+from semap_service.ogc.crs import system_of, systems_of
+from semap_service.ogc.links import add_headers, address, same_with
 from semap_service.ogc.moving_feature import GREGORIAN
-from semap_service.ogc.parameters import at_most, interval_of, stamp_of
+from semap_service.ogc.parameters import CollectionId, Crs, FeatureId, Format, at_most, interval_of, stamp_of
 from semap_service.ogc.route import OgcRoute
 from semap_service.ogc.trajectory import LONGEST_PIECE, UNITS, Piece, Quantity
-from semap_service.routes.ogc_collections import CollectionId, Format
-from semap_service.routes.ogc_items import Crs, FeatureId
-from semap_service.transaction import Database, transaction
 
 router = APIRouter(tags=["OGC API"], route_class=OgcRoute)
 

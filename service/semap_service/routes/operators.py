@@ -10,9 +10,9 @@ from pydantic import Field
 from semap.store.operator_table import OPERATORS, Operator
 from semap.store.operators import run_operator
 from semap.store.selection import Selection
-from semap_service.document import LARGEST_ID, Document, Name, Request
-from semap_service.problem import problems
-from semap_service.transaction import Write, on_whole_map
+from semap_service.database.transaction import Write, on_whole_map
+from semap_service.documents.document import LARGEST_ID, Document, Name, Request
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["operators"])
 
@@ -139,17 +139,7 @@ def _document(operator: Operator) -> OperatorDocument:
         takes_references=operator.references is not None,
         takes_targets=operator.targets is not None,
         edits=operator.edits,
-        parameters=[
-            ParameterDocument(
-                name=each.name,
-                kind=each.kind,
-                answers=each.answers,
-                required=each.required,
-                default=each.default,
-                choices=list(each.choices),
-            )
-            for each in operator.parameters
-        ],
+        parameters=[ParameterDocument.model_validate(each) for each in operator.parameters],
         columns=[
             name
             for each in operator.columns

@@ -26,7 +26,8 @@ from semap.model.continuous_query import (
 from semap.store import queries
 from semap.store.maps import get_map
 from semap.store.query_check import PARAMETERS, Flat
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     After,
     Document,
@@ -38,9 +39,8 @@ from semap_service.document import (
     SmallId,
     next_after,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["queries"], route_class=TaggedRoute)
 

@@ -13,7 +13,8 @@ from semap.store import relations
 from semap.store.maps import get_map
 from semap.store.probability import probabilities
 from semap.store.tracks import get_track
-from semap_service.document import (
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     LARGEST_SMALL_ID,
     Document,
@@ -24,8 +25,7 @@ from semap_service.document import (
     Name,
     Stamp,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["relations"])
 

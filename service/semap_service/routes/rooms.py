@@ -8,16 +8,11 @@ from pydantic import Field
 from semap.store import relations
 from semap.store.instances import get_instance
 from semap.store.maps import get_map
-from semap_service.crs import Crs, footprint_in
-from semap_service.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.routes.instance_document import (
-    InstanceDocument,
-    InstanceSummary,
-    detail,
-    summary_fields,
-)
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import After, Document, Id, Limit, MapFilter, Next, Stamp, next_after
+from semap_service.documents.instance import InstanceDocument, InstanceSummary, detail
+from semap_service.exchange.crs import Crs, footprint_in
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rooms"])
 
@@ -62,7 +57,10 @@ def list_rooms(
             get_map(connection, map_name)
         found = relations.list_rooms(connection, map_name=map_name, after=after, limit=limit)
     return RoomList(
-        rooms=[RoomSummary(**summary_fields(each.instance), occupants=each.occupants) for each in found],
+        rooms=[
+            RoomSummary(**dict(InstanceSummary.model_validate(each.instance)), occupants=each.occupants)
+            for each in found
+        ],
         next=next_after([each.instance.instance_id for each in found], limit),
     )
 

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from semap.errors import InvalidInput
 from semap.store import ways
-from semap_service.document import LARGEST_ID, Document
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import LARGEST_ID, Document
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["instances"])
 

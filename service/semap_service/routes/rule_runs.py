@@ -18,11 +18,11 @@ from semap.rules.language.reading import parse_declaration
 from semap.store.maps import get_map
 from semap.store.rules import get_rule
 from semap.worker import past, why
-from semap_service.document import Document, InStamp, Name, Request, SmallId, Stamp
-from semap_service.problem import problems
-from semap_service.routes.event_document import EventInstance, EventTrack, EvidenceDocument
-from semap_service.routes.rules import Declaration, GivenUpDocument, given_up_document
-from semap_service.transaction import Database, on_whole_map, transaction
+from semap_service.database.transaction import Database, on_whole_map, transaction
+from semap_service.documents.document import Document, InStamp, Name, Request, SmallId, Stamp
+from semap_service.documents.event import EventInstance, EventTrack, EvidenceDocument
+from semap_service.documents.rule import Declaration, GivenUpDocument
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rules"])
 
@@ -100,7 +100,7 @@ def dry_run_rule(database: Database, wanted: DryRun) -> DryRunAnswer:
     return DryRunAnswer(
         count=len(events),
         events=[_document(event) for event in events[:MOST_EVENTS]],
-        given_up=given_up_document(given_up[0] if given_up else None),
+        given_up=GivenUpDocument.model_validate(given_up[0]) if given_up else None,
     )
 
 

@@ -18,11 +18,11 @@ from semap.rules.language.written import write_rule
 from semap.store import rules
 from semap.store.maps import get_map
 from semap.store.rules import Rule, RuleVersion
-from semap_service import rule_editing
-from semap_service.document import LARGEST_SMALL_ID, Document, Request, SmallId
-from semap_service.problem import problems
-from semap_service.routes.rules import Declaration
-from semap_service.transaction import Database, transaction
+from semap_service.database import rule_edit as rule_editing
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import LARGEST_SMALL_ID, Document, Request, SmallId
+from semap_service.documents.rule import Declaration
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rules"])
 

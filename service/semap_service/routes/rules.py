@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Response
 from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput
-from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
 from semap.store import rules
 from semap.store.maps import get_map
-from semap_service import rule_editing
-from semap_service.document import (
+from semap_service.database import rule_edit as rule_editing
+from semap_service.database.rule_edit import ALL
+from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.documents.document import (
     LARGEST_SMALL_ID,
     After,
     Document,
@@ -28,34 +29,14 @@ from semap_service.document import (
     SmallId,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.problem import problems
-from semap_service.rule_editing import ALL
-from semap_service.transaction import Database, Edit, Write, transaction
+from semap_service.documents.rule import Declaration, GivenUpDocument
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rules"], route_class=TaggedRoute)
 
-EDGES = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"}}
-PATTERN = {
-    "input": ["track_in_room", "door"],
-    "partition_by": "room",
-    "pattern": "O followed by E",
-    "define": {
-        "O": "input = 'door' and type = 'open'",
-        "E": "input = 'track_in_room' and type = 'began'",
-    },
-    "measures": {"gap_s": "seconds_between(first(O.stamp), last(E.stamp))"},
-    "within": "6 s",
-    "emit": "opened_then_entered",
-}
-Declaration = Annotated[
-    dict[str, Any],
-    Field(
-        description="What it reads, and the events that it makes of it; the clauses are in docs/rules.md.",
-        examples=[EDGES, PATTERN],
-    ),
-]
 Backfill = Annotated[
     InStamp | Literal["all"] | None,
     Field(
@@ -66,17 +47,10 @@ Backfill = Annotated[
 ]
 
 
-class GivenUpDocument(Document):
-    """Where a rule began to give up: too much was under way in one key at once."""
-
-    first: Stamp = Field(description="Events that begin here or later may be missing.")
-    key: dict[str, Any] = Field(description="By the names in `partition_by`.", examples=[{"track": "ann"}])
-
-
 class RuleDocument(Document):
     """A rule: which events are made of what."""
 
-    id: int
+    id: int = stored("rule_id")
     map: str = Field(examples=["office"])
     name: str = Field(examples=["room_visits"])
     version: int = Field(description="Rises with each change of the declaration.")
@@ -140,7 +114,8 @@ def list_rules(
             get_map(connection, map_name)
         found = rules.list_rules(connection, map_name=map_name, after=after, limit=limit)
     return RuleList(
-        rules=[_document(each) for each in found], next=next_after([each.rule_id for each in found], limit)
+        rules=[RuleDocument.model_validate(each) for each in found],
+        next=next_after([each.rule_id for each in found], limit),
     )
 
 
@@ -155,7 +130,7 @@ def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
     with write.begin() as connection:
         made = rule_editing.add_rule(connection, new.map, declared, _stamp(new.backfill_from))
     response.headers["Location"] = f"/rules/{made.rule_id}"
-    return _document(made)
+    return RuleDocument.model_validate(made)
 
 
 @router.get("/rules/{id}", operation_id="get_rule", responses=reads(404))
@@ -183,7 +158,7 @@ def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument: 
             rule = rule_editing.replace_rule(connection, id, declared, _stamp(changes.backfill_from))
         if changes.enabled is not None:
             rule = rules.enable_rule(connection, id, changes.enabled)
-    return _document(rule)
+    return RuleDocument.model_validate(rule)
 
 
 @router.get("/rules/{id}/versions", operation_id="list_rule_versions", responses=reads(404))
@@ -214,23 +189,4 @@ def _stamp(backfill: datetime | Literal["all"] | None) -> datetime | None:
 
 
 def _read(connection: Connection, rule_id: int) -> RuleDocument:
-    return _document(rules.get_rule(connection, rule_id))
-
-
-def _document(rule: rules.Rule) -> RuleDocument:
-    return RuleDocument(
-        id=rule.rule_id,
-        map=rule.map,
-        name=rule.name,
-        version=rule.version,
-        queries=list(rule.queries),
-        declaration=dict(rule.declaration),
-        enabled=rule.enabled,
-        backfill_from=rule.backfill_from,
-        given_up=given_up_document(rule.given_up),
-    )
-
-
-def given_up_document(given_up: GivenUp | None) -> GivenUpDocument | None:
-    """Without how much it was, which changes again and again, and with it the ETag of a rule would."""
-    return None if given_up is None else GivenUpDocument(first=given_up.first, key=dict(given_up.key))
+    return RuleDocument.model_validate(rules.get_rule(connection, rule_id))

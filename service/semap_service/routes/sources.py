@@ -11,9 +11,19 @@ from sqlalchemy import Connection
 
 from semap.store import sources
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Next, Request, SmallId, next_after
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
+    After,
+    Document,
+    Limit,
+    MapFilter,
+    Next,
+    Request,
+    SmallId,
+    next_after,
+    stored,
+)
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["sources"], route_class=TaggedRoute)
 
@@ -44,12 +54,12 @@ class SourceChanges(Request):
 class SourceDocument(Document):
     """Who says where tracks are or what state objects have, and how far it is believed."""
 
-    id: int
+    id: int = stored("source_id")
     map: str = Field(examples=["office"])
     name: str = Field(examples=["lidar"])
-    lateness_s: float = Field(description=LATENESS)
-    jump_m: float | None = Field(description=JUMP)
-    jump_mps: float
+    lateness_s: float = stored("settings", "lateness_s", description=LATENESS)
+    jump_m: float | None = stored("settings", "jump_m", description=JUMP)
+    jump_mps: float = stored("settings", "jump_mps")
     late_states: int = Field(description="States that came after later ones of their track.")
     outliers: int = Field(description="Positions that were set aside, and that no other agreed with.")
 
@@ -69,7 +79,7 @@ def list_sources(
             get_map(connection, map_name)
         found = sources.list_sources(connection, map_name=map_name, after=after, limit=limit)
     return SourceList(
-        sources=[_document(each) for each in found],
+        sources=[SourceDocument.model_validate(each) for each in found],
         next=next_after([each.source_id for each in found], limit),
     )
 
@@ -87,21 +97,8 @@ def change_source(edit: Edit, id: SmallId, changes: SourceChanges) -> SourceDocu
     with edit.begin(lambda connection: _read(connection, id)) as connection:
         known = sources.get_source(connection, id)
         settings = replace(known.settings, **changes.model_dump(exclude_unset=True))
-        return _document(sources.change_source(connection, id, settings))
+        return SourceDocument.model_validate(sources.change_source(connection, id, settings))
 
 
 def _read(connection: Connection, source_id: int) -> SourceDocument:
-    return _document(sources.get_source(connection, source_id))
-
-
-def _document(source: sources.Source) -> SourceDocument:
-    return SourceDocument(
-        id=source.source_id,
-        map=source.map,
-        name=source.name,
-        lateness_s=source.settings.lateness_s,
-        jump_m=source.settings.jump_m,
-        jump_mps=source.settings.jump_mps,
-        late_states=source.late_states,
-        outliers=source.outliers,
-    )
+    return SourceDocument.model_validate(sources.get_source(connection, source_id))

@@ -10,8 +10,9 @@ from starlette.requests import Request as HTTPRequest
 
 from semap.store import tokens
 from semap.store.tokens import LONGEST_NAME, MOST_MAPS
-from semap_service.access.caller import Scope, current_caller
-from semap_service.document import (
+from semap_service.context.caller import Scope, current_caller
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
     LARGEST_SMALL_ID,
     After,
     Document,
@@ -23,9 +24,9 @@ from semap_service.document import (
     SmallId,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["tokens"])
 
@@ -33,7 +34,7 @@ router = APIRouter(tags=["tokens"])
 class TokenDocument(Document):
     """A token as its keepers see it; the token itself was shown once, when it was made."""
 
-    id: int
+    id: int = stored("token_id")
     name: str = Field(examples=["door gateway"])
     hint: str = Field(description="How the token begins.", examples=["semap_q3Zx"])
     scopes: list[Scope] = Field(description="write and ingest include read, admin includes all.")
@@ -76,7 +77,8 @@ def list_tokens(database: Database, limit: Limit = 100, after: After = 0) -> Tok
     with transaction(database) as connection:
         found = tokens.list_tokens(connection, after=min(after, LARGEST_SMALL_ID), limit=limit)
     return TokenList(
-        tokens=[_document(each) for each in found], next=next_after([each.token_id for each in found], limit)
+        tokens=[TokenDocument.model_validate(each) for each in found],
+        next=next_after([each.token_id for each in found], limit),
     )
 
 
@@ -94,14 +96,14 @@ def add_token(database: Database, new: NewToken, response: Response) -> NewToken
         )
     response.headers["Location"] = f"/tokens/{made.token_id}"
     response.headers["Cache-Control"] = "no-store"
-    return NewTokenDocument(**_document(made).model_dump(), token=secret)
+    return NewTokenDocument(**dict(TokenDocument.model_validate(made)), token=secret)
 
 
 @router.get("/tokens/{id}", operation_id="get_token", responses=problems(404))
 def get_token(database: Database, id: SmallId) -> TokenDocument:  # noqa: A002
     """A token as its keepers see it."""
     with transaction(database) as connection:
-        return _document(tokens.get_token(connection, id))
+        return TokenDocument.model_validate(tokens.get_token(connection, id))
 
 
 @router.delete("/tokens/{id}", operation_id="revoke_token", status_code=204, responses=problems(404))
@@ -109,9 +111,4 @@ def revoke_token(database: Database, request: HTTPRequest, id: SmallId) -> None:
     """Let a token be of no use any more; its feeds and jobs are ended within seconds."""
     with transaction(database) as connection:
         tokens.revoke_token(connection, id)
-    request.app.state.known_tokens.forget(id)
-
-
-def _document(token: tokens.Token) -> TokenDocument:
-    values = {name: getattr(token, name) for name in TokenDocument.model_fields if name != "id"}
-    return TokenDocument(id=token.token_id, **values)
+    request.app.state.token_cache.forget(id)

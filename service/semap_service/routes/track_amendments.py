@@ -9,9 +9,19 @@ from pydantic import Field
 
 from semap.store import track_amendments
 from semap.store.maps import get_map
-from semap_service.document import After, Document, Limit, MapFilter, Name, Next, Stamp, next_after
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import (
+    After,
+    Document,
+    Limit,
+    MapFilter,
+    Name,
+    Next,
+    Stamp,
+    next_after,
+    stored,
+)
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["tracks"])
 
@@ -19,7 +29,7 @@ router = APIRouter(tags=["tracks"])
 class TrackAmendmentDocument(Document):
     """What a tracker found that it had mistaken of two of its tracks."""
 
-    id: int = Field(description="In the order of arrival.")
+    id: int = stored("track_amendment_id", description="In the order of arrival.")
     map: str = Field(examples=["office"])
     source: str = Field(examples=["robot/persons"])
     kind: Literal["merged", "switched"] = Field(
@@ -59,11 +69,6 @@ def list_track_amendments(
             connection, map_name=map_name, track_name=track, after=after, limit=limit
         )
     return TrackAmendmentList(
-        track_amendments=[_document(each) for each in found],
+        track_amendments=[TrackAmendmentDocument.model_validate(each) for each in found],
         next=next_after([each.track_amendment_id for each in found], limit),
     )
-
-
-def _document(amendment: track_amendments.TrackAmendment) -> TrackAmendmentDocument:
-    values = {name: getattr(amendment, name) for name in TrackAmendmentDocument.model_fields if name != "id"}
-    return TrackAmendmentDocument(id=amendment.track_amendment_id, **values)

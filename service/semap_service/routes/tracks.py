@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import APIRouter, Query
 from pydantic import Field, model_validator
-from shapely import Polygon
 from sqlalchemy import Connection
 
-from semap.model.track_state import TrackState
 from semap.store import track_history, tracks
 from semap.store.maps import get_map
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
-from semap_service.document import (
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     After,
     Document,
     Id,
@@ -24,14 +22,14 @@ from semap_service.document import (
     MapFilter,
     Name,
     Next,
+    OfShape,
     PolygonDocument,
     Request,
     Stamp,
-    area_document,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
 
 router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 
@@ -56,7 +54,7 @@ class TrackStateDocument(Document):
     width_m: float | None
     std_across_m: float | None = STD_ACROSS
     std_yaw_rad: float | None = STD_YAW
-    footprint: PolygonDocument | None = Field(
+    footprint: Annotated[PolygonDocument | None, OfShape] = Field(
         description="The ground that it covers; null where its extent is not known."
     )
 
@@ -82,7 +80,7 @@ class TrackChanges(Request):
 class TrackDocument(Document):
     """Someone or something that a source follows."""
 
-    id: int
+    id: int = stored("track_id")
     uid: UUID
     map: str = Field(examples=["office"])
     source: str = Field(examples=["lidar"])
@@ -142,7 +140,8 @@ def list_tracks(
             connection, map_name=map_name, name=name, live=live, after=after, limit=limit
         )
     return TrackList(
-        tracks=[_document(each) for each in found], next=next_after([each.track_id for each in found], limit)
+        tracks=[TrackDocument.model_validate(each) for each in found],
+        next=next_after([each.track_id for each in found], limit),
     )
 
 
@@ -163,7 +162,7 @@ def describe_track(edit: Edit, id: Id, changes: TrackChanges) -> TrackDocument: 
         known = tracks.get_track(connection, id)
         concept = changes.concept if "concept" in changes.model_fields_set else known.concept
         attributes = known.attributes if changes.attributes is None else changes.attributes
-        return _document(tracks.describe_track(connection, id, concept, attributes))
+        return TrackDocument.model_validate(tracks.describe_track(connection, id, concept, attributes))
 
 
 @router.get("/tracks/{id}/history", operation_id="get_track_history", responses=reads(404))
@@ -194,24 +193,4 @@ def get_track_history(
 
 
 def _read(connection: Connection, track_id: int) -> TrackDocument:
-    return _document(tracks.get_track(connection, track_id))
-
-
-def _document(track: tracks.Track) -> TrackDocument:
-    return TrackDocument(
-        id=track.track_id,
-        uid=track.uid,
-        map=track.map,
-        source=track.source,
-        name=track.name,
-        live=track.live,
-        ended_at=track.ended_at,
-        concept=track.concept,
-        attributes=dict(track.attributes),
-        state=None if track.state is None else _state_document(track.state, track.footprint),
-    )
-
-
-def _state_document(state: TrackState, ground: Polygon | None) -> TrackStateDocument:
-    footprint = None if ground is None else area_document(ground)
-    return TrackStateDocument.model_validate({**asdict(state), "footprint": footprint})
+    return TrackDocument.model_validate(tracks.get_track(connection, track_id))

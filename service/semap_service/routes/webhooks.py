@@ -17,8 +17,10 @@ from semap.errors import NotFound
 from semap.store import webhooks
 from semap.store.maps import get_map
 from semap.store.webhook_delivery import Line, read_line
-from semap_service.access.caller import current_caller
-from semap_service.document import (
+from semap_service.context.caller import current_caller
+from semap_service.database.event_selection import Selection
+from semap_service.database.transaction import Database, Edit, transaction
+from semap_service.documents.document import (
     LARGEST_ID,
     After,
     Document,
@@ -30,13 +32,12 @@ from semap_service.document import (
     SmallId,
     Stamp,
     next_after,
+    stored,
 )
-from semap_service.etag import TaggedRoute, edits, reads
-from semap_service.feed import Selection
-from semap_service.problem import problems
-from semap_service.transaction import Database, Edit, transaction
+from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 from semap_service.webhooks.address import LONGEST_URL, require_url
-from semap_service.webhooks.deliverer import Deliverer
+from semap_service.webhooks.delivery import Deliverer
 from semap_service.webhooks.signature import new_secret, shown
 
 router = APIRouter(tags=["webhooks"], route_class=TaggedRoute)
@@ -107,12 +108,12 @@ class WebhookChanges(Request):
 class WebhookDocument(Document):
     """Where which events are sent, and how that goes."""
 
-    id: int
+    id: int = stored("webhook_id")
     url: str
     description: str
     maps: list[str] | None
-    type: str | None
-    rule: str | None
+    type: str | None = stored("event_type")
+    rule: str | None = stored("rule_name")
     filter: str | None
     state: Literal["active", "paused", "disabled"] = Field(
         description="disabled: by semap, for `state_reason`, until somebody makes it active again."
@@ -123,8 +124,8 @@ class WebhookDocument(Document):
     next_attempt_at: Stamp | None = Field(
         description="When it is tried again; null: as soon as there is one."
     )
-    delivered: int = Field(description="Events that the receiver took.")
-    failed: int = Field(description="Attempts that it did not take.")
+    delivered: int = stored("delivered_count", description="Events that the receiver took.")
+    failed: int = stored("failed_count", description="Attempts that it did not take.")
     dead_letters: int = Field(description="Events that were given up and can be sent again.")
     last_delivered_at: Stamp | None
     last_error: str
@@ -197,7 +198,7 @@ def list_webhooks(database: Database, limit: Limit = 100, after: After = 0) -> W
     with transaction(database) as connection:
         found = webhooks.list_webhooks(connection, after=after, limit=limit)
     return WebhookList(
-        webhooks=[_document(each) for each in found],
+        webhooks=[WebhookDocument.model_validate(each) for each in found],
         next=next_after([each.webhook_id for each in found], limit),
     )
 
@@ -217,14 +218,14 @@ def create(
         made = webhooks.get_webhook(connection, id_)
     _deliverer(request).wake_soon()
     response.headers["Location"] = f"/webhooks/{id_}"
-    return WebhookWithSecret(**_fields(made), secret=shown(secret))
+    return WebhookWithSecret(**dict(WebhookDocument.model_validate(made)), secret=shown(secret))
 
 
 @router.get("/webhooks/{id}", operation_id="get_webhook", responses=reads(404))
 def get(database: Database, id: SmallId) -> WebhookDocument:  # noqa: A002
     """A webhook, and how its deliveries go. Its ETag changes with each of them."""
     with transaction(database) as connection:
-        return _document(webhooks.get_webhook(connection, id))
+        return WebhookDocument.model_validate(webhooks.get_webhook(connection, id))
 
 
 @router.patch("/webhooks/{id}", operation_id="change_webhook", responses=edits(404))
@@ -243,7 +244,7 @@ def change(
         webhooks.change_webhook(connection, id, _columns(request, connection, values))
         changed = webhooks.get_webhook(connection, id)
     _deliverer(request).wake_soon()
-    return _document(changed)
+    return WebhookDocument.model_validate(changed)
 
 
 @router.delete("/webhooks/{id}", operation_id="delete_webhook", status_code=204, responses=edits(404))
@@ -369,33 +370,4 @@ def _deliverer(request: HttpRequest) -> Deliverer:
 def _held(connection: Connection, webhook_id: int) -> WebhookDocument:
     """It as it stays until the transaction ends, also for the deliverer, which takes no other lock."""
     webhooks.hold_webhook(connection, webhook_id)
-    return _document(webhooks.get_webhook(connection, webhook_id))
-
-
-def _document(found: webhooks.Webhook) -> WebhookDocument:
-    return WebhookDocument(**_fields(found))
-
-
-def _fields(found: webhooks.Webhook) -> dict[str, Any]:
-    return {
-        "id": found.webhook_id,
-        "url": found.url,
-        "description": found.description,
-        "maps": None if found.maps is None else list(found.maps),
-        "type": found.event_type,
-        "rule": found.rule_name,
-        "filter": found.filter,
-        "state": found.state,
-        "state_reason": found.state_reason,
-        "cursor": found.cursor,
-        "attempts": found.attempts,
-        "next_attempt_at": found.next_attempt_at,
-        "delivered": found.delivered_count,
-        "failed": found.failed_count,
-        "dead_letters": found.dead_letters,
-        "last_delivered_at": found.last_delivered_at,
-        "last_error": found.last_error,
-        "last_error_at": found.last_error_at,
-        "created_by": found.created_by,
-        "created_at": found.created_at,
-    }
+    return WebhookDocument.model_validate(webhooks.get_webhook(connection, webhook_id))

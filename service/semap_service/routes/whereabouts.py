@@ -8,9 +8,9 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 
 from semap.store import whereabouts
-from semap_service.document import Document, Id, InStamp, Limit, PoseDocument, Stamp
-from semap_service.problem import problems
-from semap_service.transaction import Database, transaction
+from semap_service.database.transaction import Database, transaction
+from semap_service.documents.document import Document, Id, InStamp, Limit, PoseDocument, Stamp
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["instances"])
 

@@ -1,4 +1,4 @@
 """Events sent to web addresses: at least once, in their order for each webhook, signed.
 
-`deliverer` is the only part with I/O of its own; what it decides is pure (`retry`, `signature`, `address`).
+`delivery` is the only part with I/O of its own; what it decides is pure (`retry`, `signature`, `address`).
 """

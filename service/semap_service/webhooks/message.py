@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from uuid import uuid4
 
 from semap.store.events import StoredEvent
-from semap_service.cloud_event import cloud_event
+from semap_service.documents.cloud_event import cloud_event
 
 PING = "org.semap.ping"
 

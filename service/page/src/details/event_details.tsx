@@ -1,17 +1,12 @@
 /** An event: what happened, on what evidence, and why its rule fired. */
 
+import type { EventDocument, ExplanationDocument } from "../documents";
 import { allPages, path } from "../api";
 import type { App } from "../app";
-import type { EventDocument } from "../documents";
 import { useEffect, useState } from "preact/hooks";
 import { problemOf } from "../showing";
 import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
 import type { Reading } from "./reading";
-
-interface Explanation {
-  found: boolean;
-  lines: string[];
-}
 
 export function EventDetails({ event, app }: { event: EventDocument; app: App }) {
   const entries = (values: Record<string, unknown>): (readonly [string, string])[] =>
@@ -84,7 +79,7 @@ const SOURCES: Readonly<Record<string, string>> = {
 
 /** The explanation of the rule as it stands now, which is not asked for by itself: it runs the rule again. */
 function Why({ event, app }: { event: EventDocument; app: App }) {
-  const [reading, setReading] = useState<Reading<Explanation> | null>(null);
+  const [reading, setReading] = useState<Reading<ExplanationDocument> | null>(null);
   useEffect(() => setReading(null), [event.event_id]);
   const ask = async (): Promise<void> => {
     setReading({ state: "loading" });
@@ -100,7 +95,7 @@ function Why({ event, app }: { event: EventDocument; app: App }) {
         ([name, value]) => `&key=${encodeURIComponent(`${name}=${String(value)}`)}`,
       );
       const address = path`/rules/${rule.id}/explanation?at=${event.stamp}` + keys.join("");
-      setReading({ state: "there", value: await app.api.get<Explanation>(address) });
+      setReading({ state: "there", value: await app.api.get<ExplanationDocument>(address) });
     } catch (error) {
       setReading({ state: "failed", problem: problemOf(error) });
     }

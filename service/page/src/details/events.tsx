@@ -2,8 +2,8 @@
 
 import { render } from "preact";
 
-import type { App } from "../app";
 import type { EventDocument } from "../documents";
+import type { App } from "../app";
 import { trackColourName } from "../scene/colours";
 import { momentText, timeText } from "../timeline/scale";
 

@@ -1,15 +1,12 @@
 /** An instance: what it is, who is in it, what it joins. */
 
+import type { OccupantList } from "../documents";
 import { path } from "../api";
 import type { App } from "../app";
 import { areaOf } from "../map/shape";
 import type { Showing } from "../showing";
 import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
 import { useReading } from "./reading";
-
-interface Occupants {
-  occupants: { track_id: number; name: string; since: string }[];
-}
 
 export function InstanceDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   const map = app.state.map.value;
@@ -80,7 +77,7 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
 function InRoom({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   const count = app.state.occupancy.value.get(id) ?? 0;
   const isLive = app.state.isLive.value;
-  const reading = useReading<Occupants>(app.api, isLive ? path`/rooms/${id}/occupants` : null, [count]);
+  const reading = useReading<OccupantList>(app.api, isLive ? path`/rooms/${id}/occupants` : null, [count]);
   const then = [...showing.then.movers.values()]
     .filter((each) => each.state.rooms.includes(id))
     .map((each) => each.state);

@@ -2,8 +2,8 @@
 
 import type { ComponentChildren } from "preact";
 
+import type { Problem } from "../documents";
 import type { App } from "../app";
-import type { Problem } from "../api";
 import { trackColourName } from "../scene/colours";
 import { durationText, momentText } from "../timeline/scale";
 

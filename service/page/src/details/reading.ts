@@ -2,7 +2,8 @@
 
 import { useEffect, useState } from "preact/hooks";
 
-import type { Api, Problem } from "../api";
+import type { Problem } from "../documents";
+import type { Api } from "../api";
 import { problemOf } from "../showing";
 
 export type Reading<T> =

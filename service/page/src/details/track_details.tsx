@@ -1,5 +1,6 @@
 /** A track: where it is, since when, how sure that is. */
 
+import type { RelationList } from "../documents";
 import { path } from "../api";
 import type { App } from "../app";
 import { ellipse95 } from "../scene/ellipse";
@@ -7,15 +8,11 @@ import type { Showing } from "../showing";
 import { Facts, Failed, InstanceLink, Moment } from "./parts";
 import { useReading } from "./reading";
 
-interface Relations {
-  relations: { query: string; instance_id: number; instance: string; since: string }[];
-}
-
 export function TrackDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   void showing.beat.value;
   const isLive = app.state.isLive.value;
   const state = (isLive ? showing.now : showing.then).movers.get(id)?.state;
-  const reading = useReading<Relations>(app.api, isLive ? path`/tracks/${id}/rooms` : null, [
+  const reading = useReading<RelationList>(app.api, isLive ? path`/tracks/${id}/rooms` : null, [
     state?.rooms.join(),
   ]);
   if (!state) return <p class="soft">It is not on the map {isLive ? "now" : "at this moment"}.</p>;
@@ -61,20 +58,19 @@ export function TrackDetails({ id, app, showing }: { id: number; app: App; showi
         <table class="plain">
           <tbody>
             {isLive && reading.state === "there"
-              ? reading.value.relations.map((each) => (
-                  <tr key={`${each.query} ${each.instance_id}`}>
-                    <td>
-                      <InstanceLink
-                        app={app}
-                        id={each.instance_id}
-                        name={nameOf(app, each.instance_id, each.instance)}
-                      />
-                    </td>
-                    <td>
-                      since <Moment app={app} stamp={each.since} />
-                    </td>
-                  </tr>
-                ))
+              ? reading.value.relations.map(
+                  ({ query, since, instance_id: room, instance }) =>
+                    room !== null && (
+                      <tr key={`${query} ${room}`}>
+                        <td>
+                          <InstanceLink app={app} id={room} name={nameOf(app, room, instance)} />
+                        </td>
+                        <td>
+                          since <Moment app={app} stamp={since} />
+                        </td>
+                      </tr>
+                    ),
+                )
               : state.rooms.map((room) => (
                   <tr key={room}>
                     <td>
@@ -89,7 +85,7 @@ export function TrackDetails({ id, app, showing }: { id: number; app: App; showi
   );
 }
 
-function nameOf(app: App, id: number, otherwise: string): string {
+function nameOf(app: App, id: number, otherwise: string | null): string {
   const thing = app.state.map.value?.byId.get(id);
-  return thing ? (thing.alias ?? thing.name) : otherwise;
+  return thing ? (thing.alias ?? thing.name) : (otherwise ?? "");
 }

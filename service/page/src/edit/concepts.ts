@@ -1,6 +1,6 @@
 /** The taxonomy as a list to choose from. */
 
-import type { ConceptDocument } from "../documents";
+import type { Concept } from "../documents";
 
 export interface ConceptChoice {
   name: string;
@@ -9,7 +9,7 @@ export interface ConceptChoice {
 }
 
 /** Each concept once, below the first of its parents by name, depth first. */
-export function choicesOf(concepts: readonly ConceptDocument[]): ConceptChoice[] {
+export function choicesOf(concepts: readonly Concept[]): ConceptChoice[] {
   const children = new Map<string, string[]>();
   for (const { name, parents } of concepts)
     for (const parent of parents) children.set(parent, [...(children.get(parent) ?? []), name]);

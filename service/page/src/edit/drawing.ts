@@ -2,22 +2,14 @@
 
 import { signal } from "@preact/signals";
 
+import type { InstanceChanges, InstanceDocument, NewInstance } from "../documents";
 import { ApiError, type Answer } from "../api";
 import type { App, Place, PointerTool } from "../app";
 import type { Point, Thing } from "../map/model";
 import { Editing, type Draft, type Surroundings } from "./editing";
 import { outlinesOf, polygonOf } from "./outline";
 import { gridFor } from "./snapping";
-import {
-  changeInstance,
-  createInstance,
-  movedBy,
-  poseOf,
-  readInstance,
-  type InstanceChanges,
-  type InstanceDocument,
-  type NewInstance,
-} from "./writes";
+import { changeInstance, createInstance, movedBy, poseOf, readInstance } from "./writes";
 
 /** What is asked of a new room or door beside its shape. */
 export interface Naming {

@@ -1,6 +1,6 @@
 /** An instance as a form shows it: texts, and the changes that differ from what was read. */
 
-import type { InstanceChanges, InstanceDocument } from "./writes";
+import type { InstanceChanges, InstanceDocument } from "../documents";
 
 export interface Fields {
   name: string;

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 
-import { stepsOf, type ChangeSummary } from "./history";
+import type { ChangeSummary } from "../documents";
+import { stepsOf } from "./history";
 
 /** Changes from the oldest on: [author, what it undoes]. */
 function history(...changes: [string, number?][]): ChangeSummary[] {

@@ -1,16 +1,7 @@
 /** Which change Ctrl-Z takes back: read off the history of the map, so that it outlives the page. */
 
+import type { ChangeSummary } from "../documents";
 import { isBy } from "./author";
-
-export interface ChangeSummary {
-  id: number;
-  made_at: string;
-  author: string;
-  message: string | null;
-  /** The change that it took back. */
-  undoes: number | null;
-  rows: number;
-}
 
 export interface Steps {
   /** The newest change of this author that holds. */

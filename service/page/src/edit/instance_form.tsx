@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 
-import type { Answer, Problem } from "../api";
+import type { InstanceDocument, Problem } from "../documents";
+import type { Answer } from "../api";
 import type { App } from "../app";
 import type { Storey, Thing } from "../map/model";
 import { ask } from "../panel/ask";
@@ -9,7 +10,7 @@ import { useResource } from "../panel/resource";
 import type { ConceptChoice } from "./concepts";
 import { isConflict, type Drawing } from "./drawing";
 import { changesOf, faultsIn, fieldsOf, LABELS, overtaken, type Edits, type Fields } from "./fields";
-import { changeInstance, deleteInstance, readInstance, type Carried, type InstanceDocument } from "./writes";
+import { changeInstance, deleteInstance, readInstance, type Carried } from "./writes";
 
 interface InstanceFormProps {
   app: App;

@@ -2,11 +2,11 @@
 
 import { computed, signal } from "@preact/signals";
 
-import type { Problem } from "../api";
+import type { ChangeSummary, Problem } from "../documents";
 import type { App } from "../app";
 import { problemOf } from "../panel/problem";
 import { author } from "./author";
-import { stepsOf, type ChangeSummary } from "./history";
+import { stepsOf } from "./history";
 import { listChanges, undoChange } from "./writes";
 
 const AT_MOST = 100;

@@ -1,8 +1,8 @@
 import { effect } from "@preact/signals";
 import { render } from "preact";
 
+import type { Concept } from "../documents";
 import type { App } from "../app";
-import type { ConceptDocument } from "../documents";
 import "../panel/panel.css";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
@@ -58,10 +58,7 @@ function Panel({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) 
 }
 
 function OnMap({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) {
-  const found = useResource(
-    (signal) => app.api.get<{ concepts: ConceptDocument[] }>("/concepts", signal),
-    [],
-  );
+  const found = useResource((signal) => app.api.get<{ concepts: Concept[] }>("/concepts", signal), []);
   const concepts = choicesOf(found.value?.concepts ?? []);
   const draft = drawing.editing.draft.value;
   const selection = app.state.selection.value;

@@ -1,6 +1,6 @@
 import { useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem } from "../documents";
 import type { App } from "../app";
 import { ProblemNote, problemOf } from "../panel/problem";
 import type { ConceptChoice } from "./concepts";

@@ -1,5 +1,6 @@
 /** Whether corners make an area that semap takes, and its document. */
 
+import type { AreaDocument, PolygonDocument } from "../documents";
 import type { Outline, Point } from "../map/model";
 import { areaOf, cross, distance, nearestOn, sidesOf } from "./plane";
 
@@ -29,11 +30,6 @@ export function mayFollow(corners: readonly Point[], next: Point): boolean {
   return !corners.slice(1).some((corner, i) => cross([corners[i] as Point, corner], [last, next]));
 }
 
-export interface PolygonDocument {
-  type: "Polygon";
-  coordinates: number[][][];
-}
-
 /** GeoJSON in metres; rings are closed and the outer one is counter-clockwise, as RFC 7946 (3.1.6) has them. */
 export function polygonOf(rings: readonly (readonly Point[])[]): PolygonDocument {
   return {
@@ -49,9 +45,6 @@ export function polygonOf(rings: readonly (readonly Point[])[]): PolygonDocument
 export function metres(value: number): number {
   return Math.round(value * 1e4) / 1e4;
 }
-
-/** An area as the service answers it. */
-export type AreaDocument = PolygonDocument | { type: "MultiPolygon"; coordinates: number[][][][] };
 
 /** Its parts, each a ring and its holes, without their first points repeated. */
 export function outlinesOf(area: AreaDocument): Outline[] {

@@ -1,63 +1,11 @@
 /** Edits of the map through the API, each signed and with what it does as its message. */
 
+import type { ChangeSummary, InstanceChanges, InstanceDocument, NewInstance, Pose } from "../documents";
 import { inHeader, path, type Answer, type Api } from "../api";
 import type { Point } from "../map/model";
 import { author } from "./author";
 import type { Doorway } from "./doorway";
-import type { ChangeSummary } from "./history";
-import { metres, type AreaDocument, type PolygonDocument } from "./outline";
-
-export interface Pose {
-  x_m: number;
-  y_m: number;
-  z_m: number;
-  qx: number;
-  qy: number;
-  qz: number;
-  qw: number;
-}
-
-/** GET /instances/{id}, as far as it is edited. */
-export interface InstanceDocument {
-  id: number;
-  name: string;
-  alias: string | null;
-  concept: string;
-  storey: string | null;
-  pose: Pose | null;
-  footprint: AreaDocument | null;
-  band: { z_min_m: number; z_max_m: number } | null;
-  joins: { id: number; name: string }[];
-  attributes: Record<string, unknown>;
-  has_body: boolean;
-}
-
-/** PATCH /instances/{id}: what is left out stays. */
-export interface InstanceChanges {
-  name?: string;
-  alias?: string | null;
-  concept?: string;
-  storey?: string | null;
-  joins?: string[];
-  attributes?: Record<string, unknown>;
-  pose?: Pose;
-  footprint?: PolygonDocument;
-  elevation_m?: number;
-  height_m?: number | null;
-}
-
-export interface NewInstance {
-  name: string;
-  concept: string;
-  alias?: string;
-  storey?: string;
-  joins?: string[];
-  attributes?: Record<string, unknown>;
-  pose?: Pose;
-  footprint?: PolygonDocument;
-  elevation_m?: number;
-  height_m?: number;
-}
+import { metres } from "./outline";
 
 export type Carried = "refuse" | "delete" | "keep";
 

@@ -1,5 +1,6 @@
 import { expect, it } from "vitest";
 
+import type { ImportJob } from "../documents";
 import { hasEnded, refusalOf, type Import } from "./imports";
 
 it("takes what semap reads, by its name", () => {
@@ -12,7 +13,7 @@ it("takes what semap reads, by its name", () => {
 
 it("has ended when its job has, or it never became one", () => {
   const sent: Import = { key: 1, file: "a.zip", job: null, problem: null, isCancelled: false };
-  const job = { job_id: 1, kind: "map_import", progress: 0, message: "", result: null, problem: null };
+  const job = { job_id: 1, progress: 0, result: null, problem: null } as ImportJob;
   expect(hasEnded(sent)).toBe(false);
   expect(hasEnded({ ...sent, isCancelled: true })).toBe(true);
   expect(hasEnded({ ...sent, job: { ...job, state: "running" } })).toBe(false);

@@ -2,41 +2,17 @@
 
 import { signal } from "@preact/signals";
 
-import { ApiError, inHeader, path, type Problem } from "../api";
+import type { ImportDocument, ImportJob, Problem } from "../documents";
+import { ApiError, inHeader, path } from "../api";
 import type { App } from "../app";
 import { author } from "../edit/author";
 import { problemOf } from "../panel/problem";
-
-export interface Finding {
-  action: string;
-  subject: string;
-  reason: string;
-}
-
-/** What an import brought in. */
-export interface Result {
-  map: string;
-  concepts: Record<string, number>;
-  doors: { rooms: number; doors: number }[];
-  findings: Finding[];
-}
-
-/** GET /jobs/{id} */
-export interface Job {
-  job_id: number;
-  kind: string;
-  state: "waiting" | "running" | "done" | "failed" | "cancelled";
-  progress: number;
-  message: string;
-  result: Result | null;
-  problem: Problem | null;
-}
 
 export interface Import {
   key: number;
   file: string;
   /** null while the file is being sent. */
-  job: Job | null;
+  job: ImportJob | null;
   /** Why it could not be sent, or why it failed. */
   problem: Problem | null;
   isCancelled: boolean;
@@ -77,7 +53,7 @@ export class Imports {
       const body = new FormData();
       body.set("file", file);
       const query = map === null ? "" : `?name=${encodeURIComponent(map)}`;
-      const { body: job } = await this.app.api.send<Job>("POST", `/maps/import${query}`, {
+      const { body: job } = await this.app.api.send<ImportJob>("POST", `/maps/import${query}`, {
         body,
         message: `import ${file.name}`,
         headers: { Prefer: "respond-async", "Semap-Author": inHeader(author()) },
@@ -95,9 +71,9 @@ export class Imports {
   async find(): Promise<void> {
     // The job of what is being sent has no card of its own yet.
     if (this.list.peek().some((each) => each.job === null && !hasEnded(each))) return;
-    let jobs: (Job & { file?: string })[];
+    let jobs: ImportJob[];
     try {
-      jobs = (await this.app.api.get<{ jobs: Job[] }>("/jobs?limit=50")).jobs;
+      jobs = (await this.app.api.get<{ jobs: ImportJob[] }>("/jobs?limit=50")).jobs;
     } catch (error) {
       problemOf(error);
       return;
@@ -105,7 +81,7 @@ export class Imports {
     const known = new Set(this.list.peek().map((each) => each.job?.job_id));
     for (const job of jobs) {
       if (job.kind !== KIND || known.has(job.job_id) || !["waiting", "running"].includes(job.state)) continue;
-      const key = this.add(job.file ?? `import ${job.job_id}`, job);
+      const key = this.add(job.file, job);
       const stop = new AbortController();
       this.stops.set(key, stop);
       void this.follow(key, job.job_id, stop.signal).catch((error: unknown) =>
@@ -137,7 +113,7 @@ export class Imports {
     let retry_ms = FIRST_RETRY_MS;
     for (;;) {
       try {
-        const job = await this.app.api.get<Job>(path`/jobs/${id}` + `?wait=${WAIT_S}`, stop);
+        const job = await this.app.api.get<ImportJob>(path`/jobs/${id}` + `?wait=${WAIT_S}`, stop);
         retry_ms = FIRST_RETRY_MS;
         this.set(key, { job, problem: job.problem, isCancelled: job.state === "cancelled" });
         if (job.state === "done") await this.showResult(job.result);
@@ -151,13 +127,13 @@ export class Imports {
     }
   }
 
-  private async showResult(result: Result | null): Promise<void> {
+  private async showResult(result: ImportDocument | null): Promise<void> {
     if (result === null) return;
     this.app.announce(`${result.map} is there.`);
     await this.app.reloadMaps(result.map);
   }
 
-  private add(file: string, job: Job | null): number {
+  private add(file: string, job: ImportJob | null): number {
     this.lastKey += 1;
     this.list.value = [
       { key: this.lastKey, file, job, problem: null, isCancelled: false },

@@ -2,11 +2,12 @@ import { effect, signal } from "@preact/signals";
 import { render } from "preact";
 import { useRef, useState } from "preact/hooks";
 
+import type { FindingDocument, ImportDocument } from "../documents";
 import type { App } from "../app";
 import "../panel/panel.css";
 import { ProblemNote } from "../panel/problem";
 import { listenForDrops } from "./drop";
-import { hasEnded, Imports, refusalOf, SUFFIXES, type Finding, type Import, type Result } from "./imports";
+import { hasEnded, Imports, refusalOf, SUFFIXES, type Import } from "./imports";
 import "./importing.css";
 
 /** Buildings go into the map that is shown, instead of one of their own. */
@@ -134,7 +135,7 @@ function ImportCard({ found, imports }: { found: Import; imports: Imports }) {
   );
 }
 
-function Brought({ result }: { result: Result }) {
+function Brought({ result }: { result: ImportDocument }) {
   const counts = Object.entries(result.concepts).map(([concept, count]) => `${count} ${concept}`);
   return (
     <>
@@ -148,7 +149,7 @@ function Brought({ result }: { result: Result }) {
 
 const FEW = 20;
 
-function Findings({ findings }: { findings: readonly Finding[] }) {
+function Findings({ findings }: { findings: readonly FindingDocument[] }) {
   const [isAll, setAll] = useState(false);
   return (
     <details open={findings.length <= FEW}>

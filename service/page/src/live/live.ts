@@ -1,7 +1,7 @@
 /** What is now on a map: its movement, its events, and word of each edit of it. */
 
-import { path, type Api, type Problem } from "../api";
-import type { Delta, EventDocument, Snapshot } from "../documents";
+import type { Delta, EventDocument, Problem, Snapshot } from "../documents";
+import { path, type Api } from "../api";
 import type { State } from "../state";
 import { follow, type Happening } from "./connection";
 import { LastingSocket } from "./lasting_socket";

@@ -1,19 +1,6 @@
 /** An occupancy grid, the backdrop: its image as map_server writes it (PGM, netpbm's "P5" with one byte a pixel). */
 
-export interface GridDocument {
-  name: string;
-  resolution_m: number;
-  width: number;
-  height: number;
-  origin_x_m: number;
-  origin_y_m: number;
-  origin_yaw_rad: number;
-  negate: boolean;
-  occupied_thresh: number;
-  free_thresh: number;
-  mode: "trinary" | "scale" | "raw";
-  sha256: string;
-}
+import type { GridDocument } from "../documents";
 
 export interface Graymap {
   width: number;

@@ -1,8 +1,9 @@
 import { expect, test } from "vitest";
 
+import type { GridDocument } from "../documents";
 import { leafOf } from "../scene/doors";
 import { ellipse95 } from "../scene/ellipse";
-import { readPgm, reduced, shadeOf, type GridDocument } from "./grid";
+import { readPgm, reduced, shadeOf } from "./grid";
 import type { Point } from "./model";
 import { modelOf } from "./read";
 import { areaOf, contains, longestAxis, outlineContains, visualMiddle } from "./shape";

@@ -1,7 +1,7 @@
 /** Reads a map: outlines from its GeoJSON, ids from the list of instances, kinds from the taxonomy. */
 
+import type { Concept, InstanceSummary } from "../documents";
 import { allPages, path, type Api } from "../api";
-import type { ConceptDocument, InstanceSummary } from "../documents";
 import type { Kind, MapModel, Outline, Point, Storey, Thing } from "./model";
 import { boundsOf, longestAxis, visualMiddle } from "./shape";
 
@@ -49,7 +49,7 @@ export async function readMap(api: Api, name: string, signal: AbortSignal): Prom
       "instances",
       signal,
     ),
-    api.get<{ concepts: ConceptDocument[] }>("/concepts", signal),
+    api.get<{ concepts: Concept[] }>("/concepts", signal),
   ]);
   const model = modelOf(name, document, instances, taxonomy.concepts);
   const doors = model.things.filter(
@@ -85,7 +85,7 @@ export function modelOf(
   name: string,
   document: MapGeoJson,
   instances: readonly InstanceSummary[],
-  concepts: readonly ConceptDocument[],
+  concepts: readonly Concept[],
 ): MapModel {
   const byUid = new Map(instances.map((each) => [each.uid, each]));
   const kinds = new Kinds(concepts);
@@ -112,7 +112,7 @@ export function modelOf(
 class Kinds {
   private readonly parents: ReadonlyMap<string, readonly string[]>;
 
-  constructor(concepts: readonly ConceptDocument[]) {
+  constructor(concepts: readonly Concept[]) {
     this.parents = new Map(concepts.map((each) => [each.name, each.parents]));
   }
 

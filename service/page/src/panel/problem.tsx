@@ -1,4 +1,5 @@
-import { ApiError, type Problem } from "../api";
+import type { Problem } from "../documents";
+import { ApiError } from "../api";
 
 /** What went wrong, and what to do about it. */
 export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () => void }) {

@@ -2,7 +2,7 @@
 
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem } from "../documents";
 import { problemOf } from "./problem";
 
 export interface Resource<T> {

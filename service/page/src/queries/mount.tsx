@@ -1,24 +1,15 @@
 import { render } from "preact";
 import { useState } from "preact/hooks";
 
-import { allPages, path, type Api, type Problem } from "../api";
+import type { Concept, Problem, QueryDocument } from "../documents";
+import { allPages, path, type Api } from "../api";
 import type { App } from "../app";
-import type { ConceptDocument } from "../documents";
 import { choicesOf } from "../edit/concepts";
 import { ConceptSelect } from "../edit/instance_form";
 import { ask } from "../panel/ask";
 import "../panel/panel.css";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
-
-interface QueryDocument {
-  id: number;
-  map: string;
-  name: string;
-  predicate: string;
-  concept: string;
-  enabled: boolean;
-}
 
 /** Puts the panel for continuous queries into its element. */
 export function mount(element: HTMLElement, app: App): void {
@@ -130,10 +121,7 @@ function QueryCard({ app, query, changed }: { app: App; query: QueryDocument; ch
 }
 
 function NewQuery({ app, map, made }: { app: App; map: string; made: () => void }) {
-  const taxonomy = useResource(
-    (signal) => app.api.get<{ concepts: ConceptDocument[] }>("/concepts", signal),
-    [],
-  );
+  const taxonomy = useResource((signal) => app.api.get<{ concepts: Concept[] }>("/concepts", signal), []);
   const [name, setName] = useState("");
   const [concept, setConcept] = useState("Room");
   const [problem, setProblem] = useState<Problem | null>(null);

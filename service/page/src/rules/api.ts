@@ -1,62 +1,9 @@
 /** Rules over the API. */
 
+import type { DryRunAnswer, RuleCheck, RuleDocument, RuleTemplate, RuleVersionDocument } from "../documents";
 import { allPages, path, type Answer, type Api } from "../api";
-import type { OverlayEvent } from "../app";
 
 export type Declaration = Record<string, unknown>;
-
-export interface RuleDocument {
-  id: number;
-  map: string;
-  name: string;
-  version: number;
-  queries: string[];
-  declaration: Declaration;
-  enabled: boolean;
-  backfill_from: string | null;
-  given_up: GivenUp | null;
-}
-
-/** Where a rule began to give up, since too much was under way in one key. */
-export interface GivenUp {
-  first: string;
-  key: Record<string, unknown>;
-}
-
-export interface RuleVersion {
-  version: number;
-  name: string;
-  declared_at: string;
-}
-
-export interface Fault {
-  message: string;
-  remedy: string;
-  where: string;
-  /** From 1; null: it is about the whole. */
-  line: number | null;
-  column: number | null;
-}
-
-/** What a text says, or what is wrong with it. */
-export interface RuleCheck {
-  name: string | null;
-  declaration: Declaration | null;
-  fault: Fault | null;
-}
-
-export interface RuleTemplate {
-  name: string;
-  sentence: string;
-  text: string;
-  parameters: Record<string, string>;
-}
-
-export interface DryRun {
-  count: number;
-  events: OverlayEvent[];
-  given_up: GivenUp | null;
-}
 
 export function listRules(api: Api, map: string, signal: AbortSignal): Promise<RuleDocument[]> {
   return allPages<RuleDocument, "rules">(api, `/rules?map=${encodeURIComponent(map)}`, "rules", signal);
@@ -66,8 +13,12 @@ export async function listTemplates(api: Api, signal: AbortSignal): Promise<Rule
   return (await api.get<{ templates: RuleTemplate[] }>("/rule-templates", signal)).templates;
 }
 
-export async function listVersions(api: Api, id: number, signal: AbortSignal): Promise<RuleVersion[]> {
-  return (await api.get<{ versions: RuleVersion[] }>(path`/rules/${id}/versions`, signal)).versions;
+export async function listVersions(
+  api: Api,
+  id: number,
+  signal: AbortSignal,
+): Promise<RuleVersionDocument[]> {
+  return (await api.get<{ versions: RuleVersionDocument[] }>(path`/rules/${id}/versions`, signal)).versions;
 }
 
 /** The rule with its ETag, and then its text: where it changes in between, saving the text is refused. */
@@ -128,7 +79,7 @@ export async function dryRun(
   name: string,
   declaration: Declaration,
   span: { from: number; to: number },
-): Promise<DryRun> {
+): Promise<DryRunAnswer> {
   const body = {
     map,
     name,
@@ -136,7 +87,7 @@ export async function dryRun(
     from: new Date(span.from).toISOString(),
     to: new Date(span.to).toISOString(),
   };
-  return (await api.send<DryRun>("POST", "/rules/dry-run", { body })).body;
+  return (await api.send<DryRunAnswer>("POST", "/rules/dry-run", { body })).body;
 }
 
 /** Why a rule found something around a moment, or how far it came; key: of each property `name=value`. */

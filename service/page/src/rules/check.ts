@@ -2,10 +2,10 @@
 
 import { useEffect, useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem, RuleCheck } from "../documents";
 import type { App } from "../app";
 import { problemOf } from "../panel/problem";
-import { checkRule, type RuleCheck } from "./api";
+import { checkRule } from "./api";
 
 const PAUSE_MS = 250;
 

@@ -1,11 +1,11 @@
 import { useEffect, useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { DryRunAnswer, Problem } from "../documents";
 import type { App } from "../app";
 import { ProblemNote, problemOf } from "../panel/problem";
 import type { Span } from "../state";
 import { timeText } from "../timeline/scale";
-import { dryRun, type Declaration, type DryRun as Found } from "./api";
+import { dryRun, type Declaration } from "./api";
 import { lossOf } from "./text";
 
 const HOUR_MS = 3_600_000;
@@ -31,7 +31,7 @@ interface DryRunProps {
 /** Runs a rule over what is stored, and draws on the timeline what it would have found; nothing is written. */
 export function DryRun({ app, map, name, declaration }: DryRunProps) {
   const [span, setSpan] = useState<SpanName>("hour");
-  const [found, setFound] = useState<Found | null>(null);
+  const [found, setFound] = useState<DryRunAnswer | null>(null);
   const [problem, setProblem] = useState<Problem | null>(null);
   const [isRunning, setRunning] = useState(false);
   const asText = JSON.stringify(declaration);
@@ -83,7 +83,7 @@ export function DryRun({ app, map, name, declaration }: DryRunProps) {
   );
 }
 
-function Result({ app, found, clear }: { app: App; found: Found; clear: () => void }) {
+function Result({ app, found, clear }: { app: App; found: DryRunAnswer; clear: () => void }) {
   return (
     <div class="note stack">
       <p class="row line">
@@ -119,7 +119,7 @@ function told(count: number): string {
 }
 
 /** All that was found with some time beside it; where nothing was, all that was searched. */
-function around(events: Found["events"], searched: Span): Span {
+function around(events: DryRunAnswer["events"], searched: Span): Span {
   const stamps = events.map((event) => Date.parse(event.stamp));
   if (stamps.length === 0) return searched;
   const [from, to] = [Math.min(...stamps), Math.max(...stamps)];

@@ -1,6 +1,6 @@
 import { useLayoutEffect, useRef } from "preact/hooks";
 
-import type { Fault } from "./api";
+import type { Fault } from "../documents";
 import { offsetOf, withNewLine } from "./text";
 
 interface EditorProps {

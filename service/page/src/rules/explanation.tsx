@@ -1,9 +1,9 @@
 import { useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem, RuleDocument } from "../documents";
 import type { App } from "../app";
 import { ProblemNote, problemOf } from "../panel/problem";
-import { explain, type RuleDocument } from "./api";
+import { explain } from "./api";
 import { keyOf } from "./text";
 
 /** Why a rule found something around a moment, or how far it came and which condition failed. */

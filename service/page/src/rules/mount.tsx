@@ -1,13 +1,13 @@
 import { render } from "preact";
 import { useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem, RuleDocument } from "../documents";
 import type { App } from "../app";
 import { ask } from "../panel/ask";
 import "../panel/panel.css";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
-import { changeRule, deleteRule, listRules, readRule, type RuleDocument } from "./api";
+import { changeRule, deleteRule, listRules, readRule } from "./api";
 import { Explanation } from "./explanation";
 import "./rules.css";
 import { lossOf, madeBy, readBy } from "./text";

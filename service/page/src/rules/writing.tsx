@@ -1,20 +1,12 @@
 import { useState } from "preact/hooks";
 
-import type { Problem } from "../api";
+import type { Problem, RuleDocument } from "../documents";
 import type { App } from "../app";
 import { ask } from "../panel/ask";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
 import { momentText } from "../timeline/scale";
-import {
-  addRule,
-  changeRule,
-  listTemplates,
-  listVersions,
-  readRule,
-  readText,
-  type RuleDocument,
-} from "./api";
+import { addRule, changeRule, listTemplates, listVersions, readRule, readText } from "./api";
 import { useCheck, type Checked } from "./check";
 import { DryRun } from "./dry_run";
 import { Editor, FaultLine } from "./editor";

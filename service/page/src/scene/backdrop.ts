@@ -13,8 +13,9 @@ import {
   type Color,
 } from "three";
 
+import type { GridDocument } from "../documents";
 import { path, type Api } from "../api";
-import { readPgm, reduced, shadeOf, type Graymap, type GridDocument } from "../map/grid";
+import { readPgm, reduced, shadeOf, type Graymap } from "../map/grid";
 
 const BELOW_M = 0.03;
 const OPACITY = 0.8;

@@ -5,7 +5,7 @@ import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 
-import type { DoorPosition, DoorState } from "../documents";
+import type { DoorState } from "../documents";
 import type { Point, Thing } from "../map/model";
 import type { Colours } from "./colours";
 import { lines } from "./floors";
@@ -18,7 +18,7 @@ const ARC_STEPS = 10;
 const SEGMENTS = 1 + ARC_STEPS;
 const SWING_MS = 350;
 /** How far a leaf stands open in each state, as a part of its largest angle. */
-const OPEN: Readonly<Record<DoorPosition, number>> = {
+const OPEN: Readonly<Record<string, number>> = {
   open: 1,
   opening: 0.6,
   closing: 0.35,
@@ -41,7 +41,7 @@ export interface Leaf {
 interface Drawn {
   readonly door: Thing;
   readonly leaf: Leaf;
-  state: DoorPosition;
+  state: string;
   from: number;
   to: number;
   changedAt_ms: number;
@@ -110,8 +110,8 @@ export class Doors {
     for (const each of this.drawn) {
       const state = states.get(each.door.id)?.state ?? "unknown";
       if (state === each.state) continue;
-      each.from = isStill ? OPEN[state] : this.openness(each, now_ms);
-      each.to = OPEN[state];
+      each.from = isStill ? (OPEN[state] ?? 0) : this.openness(each, now_ms);
+      each.to = OPEN[state] ?? 0;
       each.state = state;
       each.changedAt_ms = now_ms;
     }

@@ -100,7 +100,8 @@ test("a page that stays open forgets what is long over, and knows that it did", 
 test("a map without events forgets stays that are long over", () => {
   const history = new History();
   history.take({ ...READ, events: [] });
-  for (let i = 0; i < 25_000; i++) history.continueWith({ ...DELTA, tracks: [track([i % 2 ? 4 : 5], 100 + i)] });
+  for (let i = 0; i < 25_000; i++)
+    history.continueWith({ ...DELTA, tracks: [track([i % 2 ? 4 : 5], 100 + i)] });
   history.forget(T0 + 20_000_000);
   expect(history.stays.get(4)!.length + history.stays.get(5)!.length).toBeLessThan(5200);
 });

@@ -3,7 +3,7 @@
  * since 1970; an interval without an end goes on.
  */
 
-import type { DoorPosition, EventDocument, Snapshot, Delta, TimelineDocument } from "../documents";
+import type { Delta, EventDocument, Snapshot, TimelineDocument } from "../documents";
 import type { Span } from "../state";
 
 export interface Stay {
@@ -14,7 +14,7 @@ export interface Stay {
 }
 
 export interface Position {
-  state: DoorPosition;
+  state: string;
   from: number;
   to: number | null;
 }

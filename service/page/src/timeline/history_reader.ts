@@ -1,7 +1,7 @@
 /** Reads the history of the span that the timeline shows, when what is known of it does not do. */
 
-import { path, type Api } from "../api";
 import type { Snapshot, TimelineDocument } from "../documents";
+import { path, type Api } from "../api";
 import type { Span, State } from "../state";
 import type { History } from "./history";
 

@@ -1,7 +1,7 @@
 /** Draws the timeline on a canvas, only what is seen, and knows afterwards what lies where. */
 
-import type { OverlayEvent } from "../app";
 import type { EventDocument } from "../documents";
+import type { OverlayEvent } from "../app";
 import { trackColourName } from "../scene/colours";
 import type { Span } from "../state";
 import { firstAt, type Happened, type Stay } from "./history";

@@ -1,0 +1,1 @@
+"""The database as one caller may see and change it: roles, transactions, the events of their choice."""

@@ -1,0 +1,1 @@
+"""HTTP as every resource speaks it: problems, entity tags, limits, connections, and the files of the page."""

@@ -1,0 +1,1 @@
+"""The application put together, described, and run by uvicorn."""
