@@ -36,7 +36,7 @@ set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set e
 set random_page_cost = 0.5 as $$
 declare
   c_chunks_each  constant integer := 32;
-  v_is_by_track  constant boolean := p_chunks[1].track_id is not null;
+  v_is_at_once   boolean;
   v_source       semap.source;
   v_cell_m       double precision;
   v_count        semap.source_count;
@@ -69,7 +69,9 @@ begin
     perform from semap.source where source_id = p_source_id for no key update;
     perform semap.hold_pairs(v_source.map_id);
   end if;
-  if v_count.unflushed > 0 and (v_first <= v_count.newest_stamp or v_is_by_track) then
+  -- what is not newer than all before, or of many stamps, does not wait: what is not flushed is of the newest stamps
+  v_is_at_once := v_in_pairs or p_chunks[1].track_id is not null or coalesce(v_first <= v_count.newest_stamp, false);
+  if v_is_at_once and v_count.unflushed > 0 then
     perform semap.flush_positions(array[p_source_id]);
     v_count.unflushed := 0;
   end if;
@@ -147,14 +149,17 @@ begin
     where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
   end if;
 
-  insert into semap.source_count as c (source_id, track_states, newest_stamp, unflushed) values (p_source_id, v_states, v_last, 1)
+  insert into semap.source_count as c (source_id, track_states, newest_stamp, flushed_stamp, unflushed)
+  values (p_source_id, v_states, v_last, case when v_is_at_once then v_last else '-infinity' end,
+          case when v_is_at_once then 0 else 1 end)
   on conflict (source_id) do update
   set track_states = c.track_states + v_states, received_at = clock_timestamp(),
-      newest_stamp = greatest(c.newest_stamp, v_last), unflushed = c.unflushed + 1;
-  if v_is_by_track then
+      newest_stamp = greatest(c.newest_stamp, v_last),
+      flushed_stamp = case when v_is_at_once then greatest(c.newest_stamp, v_last) else c.flushed_stamp end,
+      unflushed = case when v_is_at_once then 0 else c.unflushed + 1 end;
+  if v_is_at_once then
     perform semap.place_tracks_at(array(select s from semap.states_in(p_chunks) s));
-  end if;
-  if v_is_by_track or v_in_pairs or v_count.unflushed >= c_chunks_each then
+  elsif v_count.unflushed >= c_chunks_each then
     perform semap.flush_positions(array[p_source_id]);
   end if;
   if v_late_pairs is not null then
@@ -181,6 +186,9 @@ begin
   if not exists (select from semap.source s where s.source_id = add_states.source_id) then
     raise exception 'There is no source %.', source_id
       using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
+  elsif num_nulls(stamp, track_ids, x_m, y_m) > 0 then
+    raise exception 'A batch of states needs a stamp, track_ids, x_m and y_m.'
+      using errcode = 'not_null_violation', hint = 'Give these; of all else null may be said.';
   elsif v_chunk.states <> cardinality(track_ids) or v_chunk.states <> any (array[
        cardinality(y_m), cardinality(z_m), cardinality(std_m), cardinality(is_last), cardinality(heading_rad),
        cardinality(speed_mps), cardinality(length_m), cardinality(width_m), cardinality(std_across_m),

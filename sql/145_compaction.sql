@@ -17,6 +17,7 @@ declare
 begin
   perform pg_advisory_xact_lock(7374, p_source_id);
   select * into v_count from semap.source_count where source_id = p_source_id;
+  v_count.flushed_stamp := coalesce(v_count.flushed_stamp, 'infinity'); -- it is gone
   select min(from_stamp) into v_from
   from semap.state_chunk where source_id = p_source_id and track_id is null and from_stamp <= v_count.flushed_stamp;
   if v_from is null then

@@ -17,14 +17,17 @@ STATEMENTS = (
       z_m           double precision,
       std_m         real,
       is_last       boolean not null default false,
-      heading_rad   real check (abs(heading_rad) <= 7),
-      speed_mps     real check (speed_mps between 0 and 1e4),
-      length_m      real check (length_m > 0 and length_m <= 1e4),
-      width_m       real check (width_m > 0 and width_m <= 1e4),
+      heading_rad   real,
+      speed_mps     real,
+      length_m      real,
+      width_m       real,
       std_across_m  real,
       std_yaw_rad   real,
       constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
       constraint state_is_finite check (abs(x_m) <= 1e7 and abs(y_m) <= 1e7 and abs(z_m) <= 1e7),
+      constraint extent_is_finite check (
+        abs(heading_rad) <= 7 and speed_mps between 0 and 1e4
+        and length_m > 0 and length_m <= 1e4 and width_m > 0 and width_m <= 1e4),
       constraint ellipse_is_one check (
         case when std_across_m is null then std_yaw_rad is null
              else std_across_m between 0 and std_m and std_m < 1e15 and abs(std_yaw_rad) <= 7
@@ -58,7 +61,8 @@ STATEMENTS = (
       length_m      real[],
       width_m       real[],
       std_across_m  real[],
-      std_yaw_rad   real[]
+      std_yaw_rad   real[],
+      constraint tracks_are_named_once check (num_nonnulls(track_id, track_ids) = 1)
     ) partition by range (from_stamp)
     """,
     "create table semap.state_chunk_default partition of semap.state_chunk default",

@@ -113,7 +113,7 @@ def test_states_that_are_there_already_are_refused_and_nothing_changes(world: Wo
     assert len(stored(world)) == 30
 
 
-PARTITIONS = "select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass"
+PARTITIONS = "select count(*) from pg_inherits where inhparent = 'semap.state_chunk'::regclass"
 
 
 def test_what_is_refused_leaves_no_trace(world: World) -> None:

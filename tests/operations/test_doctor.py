@@ -135,7 +135,7 @@ def test_late_states_of_packed_days_are_in_their_place(patient: psycopg.Connecti
         assert list(check.look(patient)) == []
         patient.execute(late % 1)
         assert [trouble.message for trouble in check.look(patient)] == [
-            "rows of track_state lie in its default partition, and are slower to find"
+            "rows of state_chunk lie in its default partition, and are slower to find"
         ]
 
 

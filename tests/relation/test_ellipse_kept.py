@@ -144,7 +144,7 @@ def test_the_doctor_names_a_relation_that_an_ellipse_ends(world: World) -> None:
         (0.05, 1.5, set()),
         (0.4, 0.0, set()),
     ):
-        for relation in ("track_state", "track_now"):
+        for relation in ("stored_state", "track_now"):
             world.run(f"update semap.{relation} set std_across_m = %s, std_yaw_rad = %s where stamp = %s",
                       across_m, yaw_rad, to_datetime(2 * SECOND_US))  # fmt: skip
         assert differing() == named, (across_m, yaw_rad)

@@ -7,7 +7,7 @@ from sqlalchemy.dialects.postgresql.base import ischema_names
 
 from semap.store.tables import METADATA, PgLsn, RegRole
 
-NOT_DECLARED = ("schema_version", "line_observation_", "track_state_default")
+NOT_DECLARED = ("schema_version", "line_observation_", "track_state_inbox", "state_chunk_default")
 
 
 def test_tables_are_those_of_the_migrations(engine: Engine, monkeypatch) -> None:
