@@ -12,6 +12,7 @@ import time
 import psycopg
 
 from bench.figure import as_json, figure
+from semap.store.conditions import compiled
 
 ROUNDS = 5
 CONDITION = {
@@ -27,7 +28,7 @@ CASES = {
     "a condition of two comparisons": (
         20_000,
         ROOM,
-        f"semap.condition_holds('{json.dumps(CONDITION)}', thing)::int",
+        "(select semap.condition_holds(condition_id, said, name, '', attributes) from semap.condition)::int",
     ),
     "the distance alone, 6 corners": (20_000, ROOM, "semap.signed_distance_m(shape, x_m, y_m)"),
     "the distance by an ellipse, 6 corners": (
@@ -60,21 +61,27 @@ CASES = {
 
 
 def measure(dsn: str) -> list[dict[str, object]]:
-    with psycopg.connect(dsn, autocommit=True) as connection:
+    made = compiled(CONDITION, "track")
+    with psycopg.connect(dsn) as connection, connection.transaction(force_rollback=True):
+        connection.execute("insert into semap.map (name, uid) values ('asked', gen_random_uuid())")
+        connection.execute(
+            "select semap.keep_condition(map_id, 'track', %s, %s, %s) from semap.map where name = 'asked'",
+            [json.dumps(CONDITION), made.sql, list(made.said)],
+        )
         return [{"case": name, "us": figure(_times_us(connection, *case), 1)} for name, case in CASES.items()]
 
 
 def _times_us(connection: psycopg.Connection, count: int, shape: str, asked: str) -> list[float]:
     """Positions are spread over the shape and what is around it."""
     connection.execute(
-        "create temp table if not exists asked (shape public.geometry, x_m float8, y_m float8, thing jsonb);"
+        "create temp table if not exists asked (shape public.geometry, x_m float8, y_m float8, name text,"
+        " attributes jsonb);"
         " truncate asked"
     )
     connection.execute(
         f"insert into asked select ({shape})::public.geometry,"
         " 5 * (n * 0.6180339887 % 1), 4 * (n * 0.7548776662 % 1),"
-        " jsonb_build_object('name', 'chair ' || n,"
-        "                    'attributes', jsonb_build_object('kind', 'oak', 'seats', n % 4))"
+        " 'chair ' || n, jsonb_build_object('kind', 'oak', 'seats', n % 4)"
         f" from generate_series(1, {count}) n"
     )
     times = []

@@ -73,7 +73,8 @@ declare
 begin
   foreach v_table in array array['map', 'map_anchor', 'concept', 'concept_parent', 'concept_iri', 'frame',
                                  'frame_pose', 'description',
-                                 'geometry', 'abstraction', 'instance', 'door_room', 'continuous_query'] loop
+                                 'geometry', 'abstraction', 'instance', 'door_room', 'condition',
+                                 'continuous_query'] loop
     execute format('create or replace trigger lock_regions before insert or update or delete on semap.%I'
                    ' for each statement execute function semap.lock_regions()', v_table);
   end loop;

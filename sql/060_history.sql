@@ -29,12 +29,23 @@ create or replace view semap.kept_table as
     (4, 'map', 'map_id', 'r.map_id', 'true', null),
     (5, 'map_anchor', 'map_id', 'r.map_id', 'true', null),
     (6, 'frame', 'frame_id', 'r.map_id', 'true', null),
-    (7, 'frame_pose', 'frame_id, stamp', 'semap.map_of_row(''frame'', r.frame_id)', 'true', null),
+    (7, 'frame_pose', 'frame_id, stamp',
+     'coalesce((select o.map_id from semap.frame o where o.frame_id = r.frame_id),'
+     ' semap.map_of_row(''frame'', r.frame_id))',
+     'true', null),
     (8, 'description', 'description_id', 'r.map_id', 'not r.is_absolute', null),
-    (9, 'geometry', 'geometry_id', 'semap.map_of_row(''description'', r.description_id)', 'true', 'body'),
+    (9, 'geometry', 'geometry_id',
+     'coalesce((select o.map_id from semap.description o where o.description_id = r.description_id),'
+     ' semap.map_of_row(''description'', r.description_id))',
+     'true', 'body'),
     (10, 'instance', 'instance_id', 'r.map_id', 'true', null),
-    (11, 'door_room', 'door_id, room_id', 'semap.map_of_row(''instance'', r.door_id)', 'true', null),
-    (12, 'abstraction', 'abstraction_id', 'semap.map_of_row(''instance'', r.instance_id)',
+    (11, 'door_room', 'door_id, room_id',
+     'coalesce((select o.map_id from semap.instance o where o.instance_id = r.door_id),'
+     ' semap.map_of_row(''instance'', r.door_id))',
+     'true', null),
+    (12, 'abstraction', 'abstraction_id',
+     'coalesce((select o.map_id from semap.instance o where o.instance_id = r.instance_id),'
+     ' semap.map_of_row(''instance'', r.instance_id))',
      'r.type = ''Footprint'' and r.instance_id is not null', 'geometry')
   ) as t (place, table_name, key, map, which, shape);
 

@@ -61,10 +61,10 @@ $$;
 create or replace function semap.footprint_edges(p_footprint public.geometry)
 returns table (x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision)
 language sql immutable parallel safe as $$
-  with edge as (
+  with edge as materialized (
     select s.path, st_startpoint(s.geom) as a, st_endpoint(s.geom) as b
     from st_dumpsegments(p_footprint) s
-  ), measured as (
+  ), measured as materialized (
     select path, st_x(a) as ax, st_y(a) as ay, st_x(b) as bx, st_y(b) as by,
            st_x(a) = st_x(b) or st_y(a) = st_y(b) as along_axis, st_distance(a, b) as length_m
     from edge

@@ -3,12 +3,14 @@
 
 -- Both sides of each query, with what they ask for.
 create or replace view semap.query_side as
-  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled
+  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled,
+         c.said
   from semap.continuous_query q
   cross join lateral (values
-    (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_where),
-    (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_where)
-  ) s (is_object, kind, concept_id, uids, condition);
+    (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_condition_id),
+    (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_condition_id)
+  ) s (is_object, kind, concept_id, uids, condition_id)
+  left join semap.condition c on c.condition_id = s.condition_id;
 
 -- Every track that a side of a query is about, whether it lives or not.
 create or replace view semap.side_track as
@@ -18,14 +20,14 @@ create or replace view semap.side_track as
   where s.kind = 'track'
     and (s.concept_id is null or t.concept_id in (select semap.concepts_below(s.concept_id)))
     and (s.uids is null or t.uid = any (s.uids))
-    and (s.condition is null or semap.condition_holds(s.condition, jsonb_build_object(
-           'name', t.name, 'attributes', t.attributes,
-           'source', (select name from semap.source n where n.source_id = t.source_id))));
+    and (s.condition_id is null or semap.condition_holds(
+           s.condition_id, s.said, t.name, (select name from semap.source n where n.source_id = t.source_id),
+           t.attributes));
 
 -- Which tracks each query with conditions on its subject is about, if regions keep it.
 create or replace view semap.query_track_wanted as
   select query_id, track_id, map_id from semap.side_track
-  where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition is not null);
+  where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition_id is not null);
 
 -- Say anew which tracks these queries are about, of these tracks or (null) of all of their maps.
 create or replace function semap.choose_tracks(p_query_ids integer[], p_track_ids bigint[]) returns void

@@ -75,9 +75,10 @@ create or replace view semap.region_wanted as
   cross join lateral (select case when q.predicate in ('contains', 'covers', 'within_distance', 'on') then a.geometry
                                   else semap.predicate_shape(q.predicate, a.geometry, i.frame_id, q.distance_m) end) s (shape)
   cross join lateral (select semap.grown(s.shape, coalesce(q.by_m, 0))) f (footprint)
+  left join semap.condition oc on oc.condition_id = q.object_condition_id
   where q.enabled and not q.in_pairs
     and (q.object_uids is null or i.uid = any (q.object_uids))
-    and (q.object_where is null or semap.condition_holds(
-           q.object_where, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
+    and (q.object_condition_id is null
+         or semap.condition_holds(oc.condition_id, oc.said, i.name, i.alias, i.attributes))
     and public.st_dimension(f.footprint) = 2;
 

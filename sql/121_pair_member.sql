@@ -79,8 +79,7 @@ create or replace view semap.pair_instance_wanted as
              then (select semap.yaw(f.pose) from semap.frames_in_root(array[i.frame_id]) f) end as yaw_rad) y
   where s.kind = 'instance' and c.geometry is not null
     and (s.uids is null or i.uid = any (s.uids))
-    and (s.condition is null or semap.condition_holds(
-           s.condition, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)));
+    and (s.condition_id is null or semap.condition_holds(s.condition_id, s.said, i.name, i.alias, i.attributes));
 
 -- Every track that queries about pairs are about, whether it lives or not.
 create or replace view semap.pair_track_wanted as

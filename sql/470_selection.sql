@@ -85,20 +85,66 @@ begin
   return (left(p_text, 19) || substr(v_fraction, 2) || substr(p_text, v_zone_at))::timestamptz;
 end $$;
 
--- What is left of a number divided by another, with the sign of the former; null where that one is 0.
-create or replace function semap.remainder(p_a double precision, p_b double precision) returns double precision
+-- The number that a JSON is, in double precision; null where it is none, or beyond 1.7e308. One too small for a float
+-- is 0.
+create or replace function semap.json_number(p_json jsonb) returns double precision
 language sql immutable parallel safe as $$
-  select p_a - p_b * trunc(p_a / nullif(p_b, 0))
+  select case when jsonb_typeof(p_json) = 'number' then case
+    when abs(p_json::numeric) between 1e-300 and 1.7e308 then p_json::double precision
+    when abs(p_json::numeric) <= 2.4703282292062328e-324 then 0
+    when abs(p_json::numeric) < 1 then p_json::double precision end end
 $$;
 
--- A number to the power of another; null where it has no real value.
-create or replace function semap.real_power(p_a double precision, p_b double precision) returns double precision
-language sql immutable parallel safe as $$
-  select case
-    when p_a = 0 and p_b < 0 then null
-    when p_a < 0 and p_b <> trunc(p_b) then null
-    else power(p_a, p_b) end
-$$;
+-- CQL2's arithmetic in double precision; null where there is no real and finite result, and 0 for one that is too
+-- small. The size of a result is looked at before, since PostgreSQL raises an error on what overflows, and a trigger
+-- must not.
+create or replace function semap.real_arithmetic(p_op text, p_a double precision, p_b double precision)
+returns double precision
+language plpgsql immutable parallel safe as $$
+declare
+  c_half      constant double precision := 8.988465674311579e307; -- of the largest number
+  c_largest   constant double precision := 709.7827;  -- its natural logarithm, and that of half of the smallest,
+  c_smallest  constant double precision := -745.133;  -- each with room for what the logarithms are rounded by
+  v_size      double precision;
+begin
+  if p_a is null or p_b is null then
+    return null;
+  end if;
+  if p_op in ('+', '-') then
+    v_size := case p_op when '+' then p_b else -p_b end;
+    if least(abs(p_a), abs(v_size)) > 1e290 and abs(p_a / 2 + v_size / 2) > c_half then
+      return null;
+    end if;
+    return p_a + v_size;
+  end if;
+  if p_b = 0 then
+    return case when p_op = '^' then 1 when p_op = '*' then 0 end;
+  end if;
+  if p_a = 0 then
+    return case when p_op <> '^' or p_b > 0 then 0 end;
+  end if;
+  if p_op = '^' and p_a < 0 and p_b <> trunc(p_b) then
+    return null;
+  end if;
+  v_size := case p_op
+    when '*' then ln(abs(p_a)) + ln(abs(p_b))
+    when '^' then case when abs(p_b) > 1e-300 and abs(p_a) <> 1
+                       then sign(p_b) * least(abs(p_b), 1e300) * ln(abs(p_a)) else 0 end
+    else ln(abs(p_a)) - ln(abs(p_b)) end;
+  if v_size > c_largest then
+    return null;
+  elsif v_size < c_smallest then
+    return case when p_op = '%' then p_a else 0 end;
+  end if;
+  case p_op
+    when '*' then return p_a * p_b;
+    when '/' then return p_a / p_b;
+    when 'div' then return trunc(p_a / p_b);
+    when '%' then return p_a - p_b * trunc(p_a / p_b);
+    when '^' then return power(p_a, p_b);
+    else return null;
+  end case;
+end $$;
 
 -- Whether each of two arrays contains all items of the other.
 create or replace function semap.has_same_items(p_a jsonb, p_b jsonb) returns boolean

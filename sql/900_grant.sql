@@ -10,7 +10,7 @@ declare
   v_function  regprocedure;
 begin
   foreach v_role in array array['semap_read', 'semap_ingest', 'semap_worker', 'semap_api', 'semap_admin',
-                                'semap_read_map', 'semap_ingest_map', 'semap_api_map'] loop
+                                'semap_read_map', 'semap_ingest_map', 'semap_api_map', 'semap_compile'] loop
     if not exists (select from pg_roles where rolname = v_role) then
       begin
         execute format('create role %I nologin', v_role);
@@ -23,7 +23,7 @@ begin
     end if;
     execute format('grant usage on schema semap to %I', v_role);
     execute format('revoke all on all tables in schema semap from %I', v_role);
-    if v_role not like '%\_map' then -- what those may read, sql/910 says
+    if v_role not like '%\_map' and v_role <> 'semap_compile' then -- what those may read, sql/910 says
       execute format('grant select on all tables in schema semap to %I', v_role);
     end if;
   end loop;
@@ -33,6 +33,9 @@ begin
     execute format('revoke execute on function %s from public', v_function);
   end loop;
 end $$;
+
+-- What was compiled of a condition runs with the rights of whoever made the schema: nobody else may say it.
+grant execute on function semap.keep_condition to semap_compile;
 
 grant insert on
   semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation,

@@ -3,7 +3,8 @@
 -- semap.visible_maps(), and without any they see nothing. All others see every row.
 
 -- Which maps are a caller's own is asked once for a statement; a table without map_id follows its parent, whose rows
--- the caller sees or does not. Restricted roles cannot read the tables of states, but ask semap.states.
+-- the caller sees or does not. Restricted roles cannot read the tables of
+-- states, but ask semap.states.
 do $$
 declare
   c_all  constant text := 'semap_read, semap_ingest, semap_worker, semap_api, semap_admin';
@@ -51,7 +52,8 @@ begin
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_amendment,'
-    ' semap.continuous_query, semap.region, semap.relation, semap.relation_change, semap.relation_past, semap.verge,'
+    ' semap.continuous_query, semap.condition, semap.region, semap.relation, semap.relation_change,'
+    ' semap.relation_past, semap.verge,'
     ' semap.query_track, semap.pair, semap.pair_form, semap.pair_member, semap.pair_progress, semap.track_end,'
     ' semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count,'

@@ -15,7 +15,7 @@ from world import World
 from semap.timeline.stamp import to_datetime
 
 ANY_HEIGHT = (float("-inf"), float("inf"))
-CHOSEN = '{"op": "=", "args": [{"property": "attributes.chosen"}, 1]}'
+CHOSEN = {"op": "=", "args": [{"property": "attributes.chosen"}, 1]}
 
 
 class Town:
@@ -51,8 +51,9 @@ class Town:
         for each in fields(asked):
             value = getattr(asked, each.name)
             if each.name.startswith("chosen"):
-                column = "subject_where" if each.name == "chosen_subjects" else "object_where"
-                values[column] = CHOSEN if value else None
+                side = "subject" if each.name == "chosen_subjects" else "object"
+                kind = getattr(asked, f"{side}_kind")
+                values[f"{side}_where"] = self.world.keep_where(CHOSEN, kind) if value else None
             else:
                 values[each.name] = timedelta(seconds=value) if each.name.endswith("confirm") else value
         if self.query_id is None:

@@ -9,16 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import psycopg
-from alembic import command
-from alembic.config import Config
 from psycopg.conninfo import make_conninfo
 from psycopg.sql import SQL, Identifier
-from sqlalchemy import text
 
 from semap.cluster import Cluster, lease
 from semap.cluster.cluster import SUPERUSER
-from semap.store.database import one_transaction
-from semap.store.schema import migrate, schema_folder
+from semap.store.schema import migrate
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
 # synchronous_commit stays on, because what a client may rely on after its commit is under test.
@@ -114,13 +110,3 @@ def ask_in_parallel(connection: psycopg.Connection) -> None:
             Identifier("debug_parallel_query" if since_16 else "force_parallel_mode")
         )
     )
-
-
-def migrate_to(dsn: str, version: str) -> None:
-    """Make the tables of an older semap, without what `sql/` says."""
-    with one_transaction(dsn) as connection:
-        connection.execute(text("create schema semap"))
-        config = Config()
-        config.set_main_option("script_location", str(schema_folder("migrations")))
-        config.attributes["connection"] = connection
-        command.upgrade(config, version)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import timedelta
 from uuid import NAMESPACE_URL, uuid5
@@ -12,6 +12,8 @@ import psycopg
 import shapely
 from careful_oracle import Asked, Sample
 
+from semap.model.continuous_query import Kind
+from semap.store.conditions import compiled
 from semap.store.database import connect
 from semap.timeline.stamp import to_datetime
 
@@ -19,6 +21,18 @@ SECOND_US = 1_000_000
 INTERVALS = ("enter_confirm", "leave_confirm", "longest_gap")
 
 State = tuple[int, int, float, float, float | None] | tuple[int, int, float, float, float | None, bool]
+
+
+def keep_where(
+    connection: psycopg.Connection, map_id: int, where: Mapping[str, object], kind: Kind = "track"
+) -> str:
+    """A condition as a plain statement may then store it."""
+    made = compiled(where, kind)
+    connection.execute(
+        "select semap.keep_condition(%s, %s, %s, %s, %s)",
+        [map_id, kind, json.dumps(where), made.sql, list(made.said)],
+    )
+    return json.dumps(where)
 
 
 @dataclass
@@ -140,6 +154,9 @@ class World:
             *values.values(),
             self.query_id,
         )
+
+    def keep_where(self, where: Mapping[str, object], kind: Kind = "track") -> str:
+        return keep_where(self.connection, self.map_id, where, kind)
 
     def source_of(self, track_id: int) -> int:
         return self.one("select source_id from semap.track where track_id = %s", track_id)

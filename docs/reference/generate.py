@@ -97,8 +97,8 @@ def sql() -> str:
     parts = [
         "# SQL functions\n",
         "All are in the schema `semap`, but for the predicates of continuous queries, which are in"
-        " `semap_query`. Those for questions of space are explained in"
-        " [Questions of space](../operators.md).\n",
+        " `semap_query`. Spatial operators are explained in"
+        " [Spatial operators](../operators.md).\n",
     ]
     for file in sorted((CHECKOUT / "sql").glob("*.sql")):
         text = file.read_text()
@@ -120,10 +120,10 @@ def rule_language() -> str:
     return "\n".join(
         [
             "# Rule language\n",
-            "How rules are written is taught in [Rules](../rules.md); here are all their words.\n",
+            "[Rules](../rules.md) teaches the language; this page lists all its words.\n",
             "## Clauses\n",
             "".join(f"- `{each}`\n" for each in ALL_CLAUSES),
-            "## What a condition may ask of a row\n",
+            "## Properties of a row\n",
             "| property | kind |\n|---|---|\n"
             + "".join(f"| `{name}` | {kind} |\n" for name, kind in PROPERTIES.items()),
             "## Words of patterns\n",

@@ -77,7 +77,7 @@ class Flaws:
         if len(rows) == len(self._places):
             raise InvalidInput(
                 "\n  ".join([f"none of its {len(rows)} rows can be used", *said.lines()]),
-                "Mend the rows, or say how the file is to be read: see --help.",
+                "Correct the rows, or describe the file by options: see --help.",
                 self._file,
             )
         return said

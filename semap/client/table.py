@@ -79,7 +79,7 @@ class Table(Sequence[T], Generic[T]):
         placed = next((name for name in PLACES if name in names), None)
         if shaped is None and placed is None and not {"x_m", "y_m"} <= names:
             raise InvalidInput(
-                f"a table of {self.kind.__name__} has no shapes", "Use to_pandas(), or ask for features()."
+                f"a table of {self.kind.__name__} has no shapes", "Use to_pandas(), or features()."
             )
         geometry: list[Any] = []
         entry: Any

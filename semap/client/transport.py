@@ -39,7 +39,7 @@ def settings(url: str | None, token: str | None, timeout_s: float) -> dict[str, 
     if secret:
         if not (secret.isascii() and secret.isprintable()):
             raise InvalidInput(
-                "the token has letters that no token has", "Give it as `semap token add` says it."
+                "the token has letters that no token has", "Give it as `semap token add` prints it."
             )
         headers["Authorization"] = f"Bearer {secret}"
     return {"base_url": base, "headers": headers, "timeout": timeout_s}

@@ -51,23 +51,25 @@ SPATIAL = (
     "s_crosses",
     "s_contains",
 )
-TEMPORAL = (
-    "t_after",
-    "t_before",
-    "t_contains",
-    "t_disjoint",
-    "t_during",
-    "t_equals",
-    "t_finishedBy",
-    "t_finishes",
-    "t_intersects",
-    "t_meets",
-    "t_metBy",
-    "t_overlappedBy",
-    "t_overlaps",
-    "t_startedBy",
-    "t_starts",
-)
+TEMPORAL_PARTS: Mapping[str, tuple[str, ...]] = {
+    "t_after": ("a.start > b.end",),
+    "t_before": ("a.end < b.start",),
+    "t_contains": ("a.start < b.start", "a.end > b.end"),
+    "t_disjoint": ("a.start > b.end", "a.end < b.start"),
+    "t_during": ("a.start > b.start", "a.end < b.end"),
+    "t_equals": ("a.start = b.start", "a.end = b.end"),
+    "t_finishedBy": ("a.start < b.start", "a.end = b.end"),
+    "t_finishes": ("a.start > b.start", "a.end = b.end"),
+    "t_intersects": ("a.start <= b.end", "a.end >= b.start"),
+    "t_meets": ("a.end = b.start",),
+    "t_metBy": ("a.start = b.end",),
+    "t_overlappedBy": ("a.start > b.start", "a.start < b.end", "a.end > b.end"),
+    "t_overlaps": ("a.start < b.start", "a.end > b.start", "a.end < b.end"),
+    "t_startedBy": ("a.start = b.start", "a.end > b.end"),
+    "t_starts": ("a.start = b.start", "a.end < b.end"),
+}
+"""What of two intervals holds together; of t_disjoint, either."""
+TEMPORAL = tuple(TEMPORAL_PARTS)
 ARRAYS = ("a_contains", "a_containedBy", "a_equals", "a_overlaps")
 OPERATORS = (
     *LOGIC,

@@ -20,6 +20,7 @@ from semap.cql2.check import (
     COMPARISONS,
     SPATIAL,
     TEMPORAL,
+    TEMPORAL_PARTS,
     Functions,
     Kind,
     Kinds,
@@ -32,25 +33,6 @@ from semap.cql2.value import ARRAYS as ARRAYS_OF
 from semap.cql2.value import SPATIAL as SPATIAL_OF
 from semap.cql2.value import instant_text, json_at, like, lower, without_accents
 from semap.timeline.stamp import to_us
-
-TEMPORAL_PARTS: Mapping[str, tuple[str, ...]] = {
-    "t_after": ("a.start > b.end",),
-    "t_before": ("a.end < b.start",),
-    "t_contains": ("a.start < b.start", "a.end > b.end"),
-    "t_disjoint": ("a.start > b.end", "a.end < b.start"),
-    "t_during": ("a.start > b.start", "a.end < b.end"),
-    "t_equals": ("a.start = b.start", "a.end = b.end"),
-    "t_finishedBy": ("a.start < b.start", "a.end = b.end"),
-    "t_finishes": ("a.start > b.start", "a.end = b.end"),
-    "t_intersects": ("a.start <= b.end", "a.end >= b.start"),
-    "t_meets": ("a.end = b.start",),
-    "t_metBy": ("a.start = b.end",),
-    "t_overlappedBy": ("a.start > b.start", "a.start < b.end", "a.end > b.end"),
-    "t_overlaps": ("a.start < b.start", "a.end > b.start", "a.end < b.end"),
-    "t_startedBy": ("a.start = b.start", "a.end > b.end"),
-    "t_starts": ("a.start = b.start", "a.end < b.end"),
-}
-"""What of two intervals holds together; of t_disjoint, either."""
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def parse(
     raises     InvalidInput with the place that cannot be read
     """
     if isinstance(source, str) and len(source) > LONGEST:
-        raise InvalidInput(f"more than {LONGEST} characters", "Ask in CQL2 JSON, or ask for less.", place)
+        raise InvalidInput(f"more than {LONGEST} characters", "Use CQL2 JSON, or a shorter filter.", place)
     document = read_text(source, place) if isinstance(source, str) else source
     return _Reader(functions).expression(document, place, 0)
 

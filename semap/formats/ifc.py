@@ -184,7 +184,9 @@ def _joins(
         return joins
     findings.append(
         Finding(
-            "note", f"{len(unbounded)} doors", "the file does not say which rooms they join; found by shape"
+            "note",
+            f"{len(unbounded)} doors",
+            "the file does not say which rooms they join; found by shape",
         )
     )
     floors = floors_of(placed, footprints)

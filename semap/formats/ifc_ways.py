@@ -125,7 +125,7 @@ def _unfilled(
         else:
             passed_over += 1
     if passed_over:
-        reason = "left out: they do not lead from one room into another, or nobody fits through"
+        reason = "left out: they do not lead from one room into another, or are too narrow"
         findings.append(Finding("skipped", f"{passed_over} openings in walls without a door", reason))
 
 

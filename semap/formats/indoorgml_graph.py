@@ -92,7 +92,7 @@ def passages(
             continue
         kinds = {concepts[end] for end in ends}
         if OBSTACLE in kinds:
-            left_out["they lead into what nobody can pass"] += 1
+            left_out["they lead into a cell that is not navigable"] += 1
             continue
         if ROOM not in kinds:
             left_out["they lead from one door into another"] += 1

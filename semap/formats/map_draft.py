@@ -53,7 +53,7 @@ class Draft:
         if not name:
             raise node.wrong(f"a {kind} without a name", "Give it one.")
         before = self.places.setdefault((kind, name), node.where)
-        if before is not node.where:
+        if before != node.where:
             raise node.wrong(f"there is a {kind} {name!r} already, at {before}", "Give it another name.")
 
     def named(self, kind: str, node: Node) -> str:

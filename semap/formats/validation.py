@@ -98,7 +98,7 @@ def _overlaps(rooms: Sequence[Item], outlines: Mapping[int, Polygon | MultiPolyg
             continue
         area_m2 = shapes[i].intersection(shapes[j]).area
         if area_m2 > OVERLAP_M2:
-            reason = f"it overlaps {other.name!r} by {area_m2:.2f} m2; who is there is in both"
+            reason = f"it overlaps {other.name!r} by {area_m2:.2f} m2; a track there is in both"
             yield Finding("note", one.name, reason)
 
 

@@ -7,11 +7,12 @@ makes an object, and what an alias repeats is limited, so that a small file cann
 from __future__ import annotations
 
 import difflib
+import gc
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 from uuid import UUID
 
@@ -21,6 +22,7 @@ from semap.errors import InvalidInput
 from semap.formats.source import utf8
 
 MAX_BYTES = 64 * 1024**2
+LARGE_BYTES = 1024**2
 MAX_DEPTH = 64
 MAX_REPEATED = 100_000
 """How many values aliases may repeat."""
@@ -45,6 +47,13 @@ Shape: TypeAlias = Mapping[str, "Shape | None"]
 Scalar: TypeAlias = str | int | float | bool | None
 
 
+BY_FIRST = {
+    first: [(name, pattern) for name, (pattern, firsts) in RESOLVED.items() if first in firsts]
+    for first in {each for _, firsts in RESOLVED.values() for each in firsts}
+}
+"""Kinds of plain scalars, by their first character."""
+
+
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """Knows only null, bool, int, float and text."""
 
@@ -55,26 +64,33 @@ for _name, (_pattern, _first) in RESOLVED.items():
     _Loader.add_implicit_resolver(TAG + _name, _pattern, _first)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Node:
-    """A value of a YAML file and its place.
+    """A value of a YAML file and its place. A large file has millions: nothing is made that nobody asks for.
 
     value   a scalar, a tuple of nodes, or nodes by key
     source  a scalar as it is written
-    where   file:line:column, both from 1
-    keys    of a mapping, where each key is
+    file    its name
+    mark    where it begins in the file
+    keys    of a mapping, where each key begins
     """
 
     value: Scalar | tuple[Node, ...] | Mapping[str, Node]
     source: str
-    where: str
-    keys: Mapping[str, str] = field(default_factory=dict)
+    file: str
+    mark: Any
+    keys: Mapping[str, Any] | None = None
+
+    @property
+    def where(self) -> str:
+        """file:line:column, both from 1"""
+        return _where(self.file, self.mark)
 
     def wrong(self, message: str, remedy: str) -> InvalidInput:
         """The error that something is wrong at this place."""
         return InvalidInput(message, remedy, self.where)
 
-    @cached_property
+    @property
     def is_missing(self) -> bool:
         """Whether nothing, or null, is written here."""
         return self.value is None
@@ -95,7 +111,7 @@ class Node:
         names = sorted(allowed)
         for key in self.mapping():
             if key not in names:
-                raise _unknown(key, names, self.keys[key])
+                raise _unknown(key, names, _where(self.file, (self.keys or {})[key]))
         return {key: node for key, node in self.mapping().items() if not node.is_missing}
 
     def sequence(self, least: int = 0, most: int | None = None) -> tuple[Node, ...]:
@@ -196,7 +212,14 @@ def parse_yaml(data: bytes, name: str, shape: Shape | None = None) -> Node:
             f"{len(data)} bytes of YAML", f"Keep it below {MAX_BYTES}; meshes lie beside it.", name
         )
     try:
-        return _Reading(name, utf8(data, name)).document(shape)
+        text = utf8(data, name)
+        if len(data) < LARGE_BYTES:
+            return _Reading(name, text).document(shape)
+        if hasattr(_Loader, "raw_parse"):
+            # In C alone, so that one that is no YAML near its end is refused at once.
+            _Loader(text).raw_parse()
+        with _without_collection():
+            return _Reading(name, text).document(shape)
     except yaml.MarkedYAMLError as error:
         where = name if error.problem_mark is None else _where(name, error.problem_mark)
         raise InvalidInput(
@@ -204,6 +227,18 @@ def parse_yaml(data: bytes, name: str, shape: Shape | None = None) -> Node:
         ) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InvalidInput(f"not YAML: {error}", "Give a YAML file in UTF-8.", name) from error
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Nobody seeks unreachable objects: among millions of new ones that takes longer than all else."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _where(name: str, mark: Any) -> str:
@@ -235,85 +270,97 @@ class _Reading:
         root, _ = self._node(self._next(), 0, shape)
         self._next()  # the end of the document
         if not isinstance(event := self._next(), yaml.StreamEndEvent):
-            raise InvalidInput("a second document", "Give one.", _where(self.name, event.start_mark))
+            raise InvalidInput("a second document", "Give one.", self._at(event))
         return root
 
     def _next(self) -> Any:
         return self.loader.get_event()
 
+    def _at(self, event: Any) -> str:
+        return _where(self.name, event.start_mark)
+
     def _node(self, event: Any, depth: int, shape: Shape | None) -> tuple[Node, int]:
         """A node and how many values it has, itself included."""
-        where = _where(self.name, event.start_mark)
-        if isinstance(event, yaml.AliasEvent):
-            return self._repeated(event, where)
+        kind = type(event)
+        if kind is yaml.AliasEvent:
+            return self._repeated(event)
         if depth > MAX_DEPTH:
-            raise InvalidInput("it is nested too deeply", "Write it out.", where)
+            raise InvalidInput("it is nested too deeply", "Write it out.", self._at(event))
         if event.anchor is not None:
             self.known[event.anchor] = None
-        if isinstance(event, yaml.MappingStartEvent):
-            made = self._mapping(event, where, depth, shape)
-        elif isinstance(event, yaml.SequenceStartEvent):
-            if shape is not None:
-                raise Node((), "", where).wrong(*NO_MAPPING)
-            made = self._sequence(event, where, depth)
+        if kind is yaml.ScalarEvent:
+            made = Node(self._scalar(event), event.value, self.name, event.start_mark), 1
+        elif kind is yaml.MappingStartEvent:
+            made = self._mapping(event, depth, shape)
+        elif shape is None:
+            made = self._sequence(event, depth)
         else:
-            made = Node(self._scalar(event, where), event.value, where), 1
+            raise InvalidInput(*NO_MAPPING, self._at(event))
         if event.anchor is not None:
             self.known[event.anchor] = made
         return made
 
-    def _repeated(self, event: Any, where: str) -> tuple[Node, int]:
+    def _repeated(self, event: Any) -> tuple[Node, int]:
         if event.anchor not in self.known:
-            raise InvalidInput(f"there is no anchor &{event.anchor} before", "Define it first.", where)
+            raise InvalidInput(
+                f"there is no anchor &{event.anchor} before", "Define it first.", self._at(event)
+            )
         found = self.known[event.anchor]
         if found is None:
-            raise InvalidInput("it is nested too deeply, or contains itself", "Write it out.", where)
+            raise InvalidInput(
+                "it is nested too deeply, or contains itself", "Write it out.", self._at(event)
+            )
         self.repeated += found[1]
         if self.repeated > MAX_REPEATED:
-            raise InvalidInput("aliases repeat too much", "Write it out, or use a blueprint.", where)
+            raise InvalidInput(
+                "aliases repeat too much", "Write it out, or use a blueprint.", self._at(event)
+            )
         return found
 
-    def _sequence(self, event: Any, where: str, depth: int) -> tuple[Node, int]:
-        self._refuse_tag(event, "seq", where)
+    def _sequence(self, start: Any, depth: int) -> tuple[Node, int]:
+        self._refuse_tag(start, "seq")
         parts: list[Node] = []
         weight = 1
-        while not isinstance(event := self._next(), yaml.SequenceEndEvent):
+        while type(event := self._next()) is not yaml.SequenceEndEvent:
             part, count = self._node(event, depth + 1, None)
             parts.append(part)
             weight += count
-        return Node(tuple(parts), "", where), weight
+        return Node(tuple(parts), "", self.name, start.start_mark), weight
 
-    def _mapping(self, event: Any, where: str, depth: int, shape: Shape | None) -> tuple[Node, int]:
-        self._refuse_tag(event, "map", where)
+    def _mapping(self, start: Any, depth: int, shape: Shape | None) -> tuple[Node, int]:
+        self._refuse_tag(start, "map")
         parts: dict[str, Node] = {}
-        keys: dict[str, str] = {}
+        keys: dict[str, Any] = {}
         weight = 1
-        while not isinstance(event := self._next(), yaml.MappingEndEvent):
-            at = _where(self.name, event.start_mark)
-            if not isinstance(event, yaml.ScalarEvent):
-                raise InvalidInput("a key that is not a word", "Write `word: value`.", at)
+        while type(event := self._next()) is not yaml.MappingEndEvent:
+            if type(event) is not yaml.ScalarEvent:
+                raise InvalidInput("a key that is not a word", "Write `word: value`.", self._at(event))
             key = event.value
             if key in parts:
                 raise InvalidInput(
-                    f"the key {key!r} is there twice (before: {keys[key]})",
+                    f"the key {key!r} is there twice (before: {_where(self.name, keys[key])})",
                     "Remove one, or give it another name.",
-                    at,
+                    self._at(event),
                 )
             if shape is not None and key not in shape and ANY_KEY not in shape:
-                raise _unknown(key, sorted(shape), at)
+                raise _unknown(key, sorted(shape), self._at(event))
             within = None if shape is None else shape.get(key, shape.get(ANY_KEY))
-            keys[key] = at
+            keys[key] = event.start_mark
             parts[key], count = self._node(self._next(), depth + 1, within)
             weight += count
-        return Node(parts, "", where, keys), weight
+        return Node(parts, "", self.name, start.start_mark, keys), weight
 
-    def _scalar(self, event: Any, where: str) -> Scalar:
+    def _scalar(self, event: Any) -> Scalar:
         text = event.value
-        tag = event.tag or self.loader.resolve(yaml.ScalarNode, text, event.implicit)
-        kind = tag.removeprefix(TAG)
+        tag = event.tag
+        if tag is None and event.implicit[0]:
+            kind = next((name for name, pattern in BY_FIRST.get(text[:1], ()) if pattern.match(text)), "str")
+        else:
+            tag = tag or self.loader.resolve(yaml.ScalarNode, text, event.implicit)
+            kind = tag.removeprefix(TAG)
         if kind == "str":
             if "\0" in text:
-                raise InvalidInput("a text with the character NUL", "Remove it.", where)
+                raise InvalidInput("a text with the character NUL", "Remove it.", self._at(event))
             return str(text)
         if kind == "null":
             return None
@@ -325,11 +372,15 @@ class _Reading:
             if kind == "float":
                 return float(text.replace(".inf", "inf").replace(".nan", "nan"))
         except ValueError as error:
-            raise InvalidInput(f"{text[:40]!r} is no {kind}", "Put texts in quotes.", where) from error
-        raise InvalidInput(f"the tag {tag} is not known", "Write plain values, without tags.", where)
+            raise InvalidInput(
+                f"{text[:40]!r} is no {kind}", "Put texts in quotes.", self._at(event)
+            ) from error
+        raise InvalidInput(
+            f"the tag {tag} is not known", "Write plain values, without tags.", self._at(event)
+        )
 
-    def _refuse_tag(self, event: Any, kind: str, where: str) -> None:
+    def _refuse_tag(self, event: Any, kind: str) -> None:
         if event.tag not in (None, TAG + kind):
             raise InvalidInput(
-                f"the tag {event.tag} is not known", "Write plain values, without tags.", where
+                f"the tag {event.tag} is not known", "Write plain values, without tags.", self._at(event)
             )

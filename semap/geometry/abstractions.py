@@ -30,9 +30,11 @@ from semap.geometry.hull import centroid, convex_hull
 from semap.geometry.oriented_box import box_mesh, smallest_box, smallest_rectangle
 from semap.geometry.outline import outline
 from semap.geometry.pose import transform_points
-from semap.geometry.triangulation import points, triangles, used_vertices
+from semap.geometry.triangulation import points, prism_heights, triangles, used_vertices
 from semap.geometry.union import united
+from semap.geometry.upright import upright
 from semap.model.building import Mesh
+from semap.model.pose import IDENTITY
 from semap.model.source_geometry import BODY, SourceGeometry
 
 MIN_AREA_M2 = 1e-12
@@ -65,17 +67,6 @@ def derive(sources: Sequence[SourceGeometry] | Mesh) -> tuple[Abstraction, ...]:
     """
     if isinstance(sources, Mesh):
         sources = (SourceGeometry(BODY, "TRIANGLEMESH3D", sources),)
-    from scipy.spatial import QhullError  # noqa: PLC0415  slow to import
-
-    try:
-        return _derived(sources)
-    except QhullError as error:
-        raise InvalidInput(
-            "a shape that is too thin for its size to have a hull", "Mind the unit, and repair the mesh."
-        ) from error
-
-
-def _derived(sources: Sequence[SourceGeometry]) -> tuple[Abstraction, ...]:
     areas = [each for each in sources if each.type == "POLYGON2D"]
     surface = _joined([each for each in sources if each.type in SURFACES_3D]) or _joined(areas)
     if surface is None:
@@ -87,13 +78,14 @@ def _derived(sources: Sequence[SourceGeometry]) -> tuple[Abstraction, ...]:
         raise InvalidInput(
             f"coordinates beyond {FARTHEST_M:g} m", "Mind the unit, or anchor the map to the earth."
         )
-    hull = convex_hull(spots_m, surface) if len(spots_m) else None
     heights_m = _heights(spots_m)
-    in_space = tuple(Abstraction(type_, shape, *heights_m) for type_, shape in _in_space(spots_m, hull))
+    bodies = _in_space(spots_m, surface) if len(spots_m) else {}
+    in_space = tuple(Abstraction(type_, shape, *heights_m) for type_, shape in bodies.items())
+    hull = bodies.get("BoundingHull")
     if areas:
         flat = _flat_of_area(_united(areas))
         heights_m = _bands(areas) or heights_m
-    elif surface is not None and hull is not None:
+    elif surface is not None and isinstance(hull, Mesh):
         flat = _flat_of_surface(surface, hull.vertices_m)
     else:
         marks_m = spots_m if len(spots_m) else _all_points(sources)
@@ -101,22 +93,37 @@ def _derived(sources: Sequence[SourceGeometry]) -> tuple[Abstraction, ...]:
     return (*(Abstraction(type_, shape, *heights_m) for type_, shape in flat), *in_space)
 
 
-def _in_space(spots_m: NDArray[np.float64], hull: Mesh | None) -> list[tuple[str, shapely.Geometry | Mesh]]:
-    if hull is not None:
-        low_m, high_m = spots_m.min(axis=0), spots_m.max(axis=0)
-        return [
-            ("Position3D", Point(centroid(hull))),
-            ("AxisAligned3D", box_mesh(low_m, high_m)),
-            ("BoundingBox", smallest_box(hull)),
-            ("BoundingHull", hull),
-        ]
-    return [("Position3D", Point(_middle(spots_m)))] if len(spots_m) else []
+def _in_space(spots_m: NDArray[np.float64], surface: Mesh | None) -> dict[str, shapely.Geometry | Mesh]:
+    """Of points (n, 3), n >= 1, and the surface that they are of, if they are."""
+    stands = upright(spots_m)
+    if stands is not None:
+        return {
+            "Position3D": stands.centroid(),
+            "AxisAligned3D": stands.axis_aligned_box(),
+            "BoundingBox": stands.smallest_box(),
+            "BoundingHull": stands.hull(),
+        }
+    from scipy.spatial import QhullError  # noqa: PLC0415  slow to import
+
+    try:
+        hull = convex_hull(spots_m, surface)
+    except QhullError as error:
+        raise InvalidInput(
+            "a shape that is too thin for its size to have a hull", "Mind the unit, and repair the mesh."
+        ) from error
+    if hull is None:
+        return {"Position3D": Point(_middle(spots_m))}
+    return {
+        "Position3D": Point(centroid(hull)),
+        "AxisAligned3D": box_mesh(spots_m.min(axis=0), spots_m.max(axis=0)),
+        "BoundingBox": smallest_box(hull),
+        "BoundingHull": hull,
+    }
 
 
 def _flat_of_area(area: Polygon | MultiPolygon) -> list[tuple[str, shapely.Geometry]]:
-    if area.area <= MIN_AREA_M2:
-        return _flat_of_points(shapely.get_coordinates(area))
-    return [("Footprint", area), *_flat_of_points(shapely.get_coordinates(area))]
+    around = _flat_around(area)
+    return [("Footprint", area), *around] if area.area > MIN_AREA_M2 else around
 
 
 def _flat_of_surface(surface: Mesh, hull_m: NDArray[np.float64]) -> list[tuple[str, shapely.Geometry]]:
@@ -132,11 +139,15 @@ def _flat_of_surface(surface: Mesh, hull_m: NDArray[np.float64]) -> list[tuple[s
 
 def _flat_of_points(points_m: NDArray[np.float64]) -> list[tuple[str, shapely.Geometry]]:
     """Of points (n, 2 or 3), n >= 1."""
-    if len(points_m) == 0:
+    return _flat_around(shapely.multipoints(points_m[:, :2]))
+
+
+def _flat_around(shape: shapely.Geometry) -> list[tuple[str, shapely.Geometry]]:
+    if shape.is_empty:
         return []
-    around = shapely.convex_hull(shapely.multipoints(points_m[:, :2]))
-    if around.geom_type != "Polygon" or around.area <= MIN_AREA_M2:
-        return [("Position2D", Point(_middle(points_m[:, :2])))]
+    around = shapely.convex_hull(shape)
+    if not isinstance(around, Polygon) or around.area <= MIN_AREA_M2:
+        return [("Position2D", Point(_middle(shapely.get_coordinates(shape))))]
     corners_m = shapely.get_coordinates(around)[:-1]
     return [
         ("FootprintHull", around),
@@ -174,9 +185,9 @@ def _united(areas: Sequence[SourceGeometry]) -> Polygon | MultiPolygon:
     """The areas of POLYGON2Ds; one with a tilted pose is seen from above."""
     placed = []
     for each in areas:
-        matrix = each.pose.matrix()
         flat = shapely.force_2d(each.shape)
-        if not np.array_equal(matrix, np.eye(4)):
+        if each.pose != IDENTITY:
+            matrix = each.pose.matrix()
             flat = shapely.transform(
                 flat,
                 lambda xy, matrix=matrix: transform_points(matrix, np.column_stack([xy, np.zeros(len(xy))]))[
@@ -197,9 +208,9 @@ def _heights(points_m: NDArray[np.float64]) -> tuple[float | None, float | None]
     return float(points_m[:, 2].min()), float(points_m[:, 2].max())
 
 
-def _bands(areas: Sequence[SourceGeometry]) -> tuple[float | None, float | None] | None:
+def _bands(areas: Sequence[SourceGeometry]) -> tuple[float, float] | None:
     """The heights of the areas; None where they give none."""
-    prisms = [mesh for mesh in map(triangles, areas) if mesh is not None]
-    if len(prisms) < len(areas):
+    bands = [band for band in map(prism_heights, areas) if band is not None]
+    if len(bands) < len(areas):
         return None
-    return _heights(np.concatenate([prism.vertices_m for prism in prisms]))
+    return min(low_m for low_m, _ in bands), max(high_m for _, high_m in bands)

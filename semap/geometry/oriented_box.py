@@ -87,9 +87,9 @@ def box_mesh(
     return Mesh(corners_m if parent_R_box is None else corners_m @ parent_R_box.T, BOX_FACES)
 
 
-def smallest_rectangle(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners (4, 2), counter-clockwise, of the smallest rectangle around points (n, 2), not collinear."""
-    axis, low_m, high_m = _rectangle(_ring(points_m))
+def smallest_rectangle(ring_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (4, 2), counter-clockwise, of the smallest rectangle around a convex ring (n, 2)."""
+    axis, low_m, high_m = _rectangle(ring_m)
     sideways = np.array([-axis[1], axis[0]])
     corners = BOX_CORNERS[:4, :2]
     along_m = np.where(corners[:, 0] == 0, low_m[0], high_m[0])
@@ -166,14 +166,16 @@ def _rectangle(
     ring_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Direction (2,) of a side of the smallest rectangle, and its extents along and across that."""
-    edges = np.roll(ring_m, -1, axis=0) - ring_m
-    lengths = np.linalg.norm(edges, axis=1)
+    edges = np.concatenate([ring_m[1:], ring_m[:1]]) - ring_m
+    lengths = np.sqrt(np.einsum("ij,ij->i", edges, edges))
     longest_first = np.argsort(-lengths, kind="stable")
+    # An edge as short as float noise has no direction.
+    longest_first = longest_first[lengths[longest_first] > EQUAL * lengths.max()]
     axes = edges[longest_first] / lengths[longest_first, None]
     along = ring_m @ axes.T
     across = ring_m @ np.column_stack([-axes[:, 1], axes[:, 0]]).T
-    areas = np.ptp(along, axis=0) * np.ptp(across, axis=0)
+    low_m = np.stack([along.min(axis=0), across.min(axis=0)], axis=1)
+    high_m = np.stack([along.max(axis=0), across.max(axis=0)], axis=1)
+    areas = (high_m - low_m).prod(axis=1)
     best = int(np.argmax(areas <= areas.min() * (1 + EQUAL)))
-    low_m = np.array([along[:, best].min(), across[:, best].min()])
-    high_m = np.array([along[:, best].max(), across[:, best].max()])
-    return axes[best], low_m, high_m
+    return axes[best], low_m[best], high_m[best]

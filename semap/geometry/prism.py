@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mapbox_earcut
 import numpy as np
 import shapely
@@ -21,18 +23,23 @@ def extrude(footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -
     footprint  valid, not empty [m, map frame]
     raises     InvalidInput if the footprint is empty or invalid, or if z_max_m is not above z_min_m
     """
-    if footprint.is_empty or not footprint.is_valid:
-        raise InvalidInput("a footprint that is empty or crosses itself", "Give a valid polygon.")
-    if not (np.isfinite([z_min_m, z_max_m]).all() and z_max_m > z_min_m):
-        raise InvalidInput(
-            f"a prism from {z_min_m} m to {z_max_m} m has no height", "Give a height greater than zero."
-        )
+    require_prism(footprint, z_min_m, z_max_m)
     prisms = [_extrude_part(part, z_min_m, z_max_m) for part in shapely.get_parts(footprint)]
     starts = np.cumsum([0, *(len(prism.vertices_m) for prism in prisms[:-1])])
     return Mesh(
         np.concatenate([prism.vertices_m for prism in prisms]),
         np.concatenate([prism.faces + start for prism, start in zip(prisms, starts, strict=True)]),
     )
+
+
+def require_prism(footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -> None:
+    """raises  InvalidInput if `extrude` does"""
+    if footprint.is_empty or not footprint.is_valid:
+        raise InvalidInput("a footprint that is empty or crosses itself", "Give a valid polygon.")
+    if not (math.isfinite(z_min_m) and math.isfinite(z_max_m) and z_max_m > z_min_m):
+        raise InvalidInput(
+            f"a prism from {z_min_m} m to {z_max_m} m has no height", "Give a height greater than zero."
+        )
 
 
 def is_prism(body: Mesh, footprint: Polygon | MultiPolygon, z_min_m: float, z_max_m: float) -> bool:
@@ -55,9 +62,9 @@ def _all_near(points_m: NDArray[np.float64], others_m: NDArray[np.float64]) -> b
 
 def _extrude_part(part: Polygon, z_min_m: float, z_max_m: float) -> Mesh:
     outline = orient(part)
-    rings = [shapely.get_coordinates(ring)[:-1] for ring in (outline.exterior, *outline.interiors)]
-    corners = np.concatenate(rings)
-    ends = np.cumsum([len(ring) for ring in rings])
+    closed = [shapely.get_coordinates(ring) for ring in (outline.exterior, *outline.interiors)]
+    corners = np.concatenate([ring[:-1] for ring in closed])
+    ends = np.cumsum([len(ring) - 1 for ring in closed])
     top = _counter_clockwise(
         corners, mapbox_earcut.triangulate_float64(corners, ends.astype(np.uint32)).reshape(-1, 3)
     )
@@ -71,10 +78,10 @@ def _extrude_part(part: Polygon, z_min_m: float, z_max_m: float) -> Mesh:
             np.column_stack([here, following + count, here + count]),
         ]
     )
-    return Mesh(
-        np.concatenate([np.c_[corners, np.full(count, z_min_m)], np.c_[corners, np.full(count, z_max_m)]]),
-        np.concatenate([top[:, ::-1], top + count, walls]),
-    )
+    vertices_m = np.empty((2 * count, 3))
+    vertices_m[:count, :2] = vertices_m[count:, :2] = corners
+    vertices_m[:count, 2], vertices_m[count:, 2] = z_min_m, z_max_m
+    return Mesh(vertices_m, np.concatenate([top[:, ::-1], top + count, walls]))
 
 
 def _counter_clockwise(corners: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.int64]:

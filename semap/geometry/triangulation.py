@@ -10,8 +10,9 @@ from shapely import MultiPolygon, Polygon
 
 from semap.errors import InvalidInput
 from semap.geometry.pose import transform_mesh, transform_points
-from semap.geometry.prism import extrude
+from semap.geometry.prism import extrude, require_prism
 from semap.model.building import Mesh
+from semap.model.pose import IDENTITY
 from semap.model.source_geometry import PolygonMesh, SourceGeometry
 
 PLANAR = 1e-3
@@ -36,7 +37,22 @@ def triangles(source: SourceGeometry) -> Mesh | None:
         mesh = extrude(shapely.force_2d(shape), source.band.z_min_m, source.band.z_max_m)
     else:
         return None
-    return transform_mesh(source.pose.matrix(), mesh)
+    return mesh if source.pose == IDENTITY else transform_mesh(source.pose.matrix(), mesh)
+
+
+def prism_heights(source: SourceGeometry) -> tuple[float, float] | None:
+    """Lowest and highest of the prism over a POLYGON2D in its description's frame [m]; None without heights.
+
+    raises  InvalidInput as `extrude` does
+    """
+    if source.band is None or not isinstance(source.shape, Polygon | MultiPolygon):
+        return None
+    ends_m = (source.band.z_min_m, source.band.z_max_m)
+    require_prism(source.shape, *ends_m)
+    up = source.pose.matrix()[2]
+    ground_m = shapely.get_coordinates(source.shape) @ up[:2]
+    rises_m = [up[2] * end_m + up[3] for end_m in ends_m]
+    return float(ground_m.min() + min(rises_m)), float(ground_m.max() + max(rises_m))
 
 
 def points(source: SourceGeometry) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,17 +26,16 @@ class Pose:
 
     def matrix(self) -> NDArray[np.float64]:
         """parent_T_child, (4, 4) float64, homogeneous; the quaternion is normalised first."""
-        x, y, z, w = np.array([self.qx, self.qy, self.qz, self.qw]) / np.linalg.norm(
-            [self.qx, self.qy, self.qz, self.qw]
+        length = math.hypot(self.qx, self.qy, self.qz, self.qw) or math.nan
+        x, y, z, w = self.qx / length, self.qy / length, self.qz / length, self.qw / length
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), self.x_m],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), self.y_m],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), self.z_m],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
         )
-        matrix = np.eye(4)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        matrix[:3, 3] = self.x_m, self.y_m, self.z_m
-        return matrix
 
 
 IDENTITY = Pose()

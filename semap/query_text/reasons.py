@@ -109,7 +109,7 @@ REASONS: Mapping[str, tuple[str, str]] = {
     "no table": ("FROM names no {what}", "There are {hint}."),
     "not selected": ("the subquery does not select {what}", "Write: select * in the subquery."),
     "computed": (
-        "what is selected is a column; this is computed",
+        "the payload has columns only; this is computed",
         "Select the columns that it needs, and compute from what you read of the result.",
     ),
     "whole row": ("a row as a whole is not a column", "Write {what}.*, or name columns."),
@@ -186,12 +186,12 @@ REASONS: Mapping[str, tuple[str, str]] = {
         "Compare footprint, or write: is_near(t, r, 1).",
     ),
     "rows": ("{what} takes both sides as they are", "Write: {usage}."),
-    "object track": ("{what}: what it is asked of is an instance, and this is a track", "Write: {usage}."),
-    "subject instance": ("{what}: who does it is a track, and this is an instance", "Write: {usage}."),
+    "object track": ("{what}: its object is an instance, and this is a track", "Write: {usage}."),
+    "subject instance": ("{what}: its subject is a track, and this is an instance", "Write: {usage}."),
     "itself": ("each would be related to itself", "Add: and {first}.id <> {second}.id."),
     "half pairs": ("of each pair both are the subject once", "Write: {first}.id <> {second}.id."),
     # conditions
-    "no column": ("this says nothing of a track or an instance", "Leave it out."),
+    "no column": ("this is no condition on a track or an instance", "Leave it out."),
     "between sides": (
         "this ties the two sides by something that is not spatial",
         "Compare each side with values, or look at both in a rule.",
@@ -202,12 +202,12 @@ REASONS: Mapping[str, tuple[str, str]] = {
     ),
     "moving": (
         "{what} changes with each state of a track, and so would the set of tracks",
-        "Leave it out here, and ask for it in a rule.",
+        "Leave it out here, and use a rule for it.",
     ),
     "shape condition": ("{what} is a shape, and conditions are on names and attributes", "Leave it out."),
     "unkept column": ("conditions on {what} are not kept", "{hint}"),
     "time": (
-        "{what} changes with the clock, and nothing would tell when",
+        "{what} changes with the clock, and no event would trigger an update",
         "Leave it out: rules look at time.",
     ),
     "volatile": ("{what} gives another value each time", "Leave it out."),

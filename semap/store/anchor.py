@@ -124,7 +124,7 @@ def on_earth(
     """
     if read_anchor(connection, map_name) is None:
         raise Conflict(
-            f"The map {map_name} has no anchor, so nobody knows where on the earth it lies.",
+            f"The map {map_name} has no anchor, so its place on the earth is unknown.",
             f"Set one: PUT /maps/{map_name}/anchor, or `semap map anchor {map_name} --epsg ...`.",
         )
     with translated():

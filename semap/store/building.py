@@ -270,7 +270,7 @@ def _storeys_of(
     with translated():
         rows = connection.execute(
             select(instance.c.name, instance.c.instance_id, instance.c.frame_id)
-            .join(concept)
+            .join(concept, concept.c.concept_id == instance.c.concept_id)
             .where(instance.c.map_id == map_id, concept.c.name == STOREY, one_of(instance.c.name, wanted))
         ).all()
     matrices = map_from_frames(connection, [frame_id for _, _, frame_id in rows])

@@ -1,14 +1,16 @@
-"""A filter in CQL2 as a condition in SQL: values are parameters, operators and columns come from tables.
+"""CQL2 compiled to SQL, for filters and for the conditions of continuous queries.
 
-What is unknown (a missing attribute, one of another kind) is null, and null as a whole selects nothing.
-Numbers are compared as double precision, texts by code points.
+Operators and columns come from tables; what is said (texts, numbers, times, keys) is a parameter. It means
+what `semap.cql2.evaluate` makes of it: what is unknown (a missing attribute, one of another kind, a number
+that no float holds) is null, and null as a whole selects nothing. Numbers are compared as double precision,
+texts by code points.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any
 
 import shapely
@@ -16,7 +18,6 @@ from sqlalchemy import (
     ColumnElement,
     Double,
     LargeBinary,
-    Numeric,
     Text,
     and_,
     any_,
@@ -27,11 +28,12 @@ from sqlalchemy import (
     false,
     func,
     literal,
+    literal_column,
     not_,
     null,
     or_,
 )
-from sqlalchemy.dialects.postgresql import ARRAY, JSONB, array
+from sqlalchemy.dialects.postgresql import JSONB, array
 from sqlalchemy.sql.elements import Grouping
 
 from semap.cql2 import (
@@ -47,72 +49,27 @@ from semap.cql2 import (
     Shape,
     kind_of,
 )
-from semap.cql2.check import ARITHMETIC, ARRAYS, COMPARISONS, SPATIAL, TEMPORAL
+from semap.cql2.check import ARITHMETIC, ARRAYS, COMPARISONS, SPATIAL, TEMPORAL, TEMPORAL_PARTS
 from semap.store.tables import STAMP
 
 Sql = ColumnElement[Any]
 JSON_TYPES: Mapping[Kind, str] = {
-    "number": "number",
     "text": "string",
+    "instant": "string",
     "boolean": "boolean",
     "array": "array",
 }
 
 SPATIAL_SQL: Mapping[str, Callable[..., Sql]] = {
-    "s_intersects": func.public.st_intersects,
-    "s_equals": func.public.st_equals,
-    "s_disjoint": func.public.st_disjoint,
-    "s_touches": func.public.st_touches,
-    "s_within": func.public.st_within,
-    "s_overlaps": func.public.st_overlaps,
-    "s_crosses": func.public.st_crosses,
-    "s_contains": func.public.st_contains,
+    op: getattr(func.public, f"st_{op.removeprefix('s_')}") for op in SPATIAL
 }
-COMPARISON_SQL: Mapping[str, Callable[[Sql, Sql], ColumnElement[bool]]] = {
-    "=": lambda a, b: a == b,
-    "<>": lambda a, b: a != b,
-    "<": lambda a, b: a < b,
-    "<=": lambda a, b: a <= b,
-    ">": lambda a, b: a > b,
-    ">=": lambda a, b: a >= b,
-}
-ARITHMETIC_SQL: Mapping[str, Callable[[Sql, Sql], Sql]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "/": lambda a, b: a / func.nullif(b, 0),
-    "div": lambda a, b: func.trunc(a / func.nullif(b, 0)),
-    # functions, since what would name a part twice doubles with each level
-    "%": lambda a, b: func.semap.remainder(a, b, type_=Double),
-    "^": lambda a, b: func.semap.real_power(a, b, type_=Double),
-}
-
-
-@dataclass(frozen=True)
-class Span:
-    """From a moment to a moment; an instant is both."""
-
-    start: Sql
-    end: Sql
-
-
-TEMPORAL_SQL: Mapping[str, Callable[[Span, Span], Sql]] = {
-    "t_after": lambda a, b: a.start > b.end,
-    "t_before": lambda a, b: a.end < b.start,
-    "t_contains": lambda a, b: and_(a.start < b.start, a.end > b.end),
-    "t_disjoint": lambda a, b: or_(a.start > b.end, a.end < b.start),
-    "t_during": lambda a, b: and_(a.start > b.start, a.end < b.end),
-    "t_equals": lambda a, b: and_(a.start == b.start, a.end == b.end),
-    "t_finishedBy": lambda a, b: and_(a.start < b.start, a.end == b.end),
-    "t_finishes": lambda a, b: and_(a.start > b.start, a.end == b.end),
-    "t_intersects": lambda a, b: and_(a.start <= b.end, a.end >= b.start),
-    "t_meets": lambda a, b: a.end == b.start,
-    "t_metBy": lambda a, b: a.start == b.end,
-    "t_overlappedBy": lambda a, b: and_(a.start > b.start, a.start < b.end, a.end > b.end),
-    "t_overlaps": lambda a, b: and_(a.start < b.start, a.end > b.start, a.end < b.end),
-    "t_startedBy": lambda a, b: and_(a.start == b.start, a.end > b.end),
-    "t_starts": lambda a, b: and_(a.start == b.start, a.end < b.end),
-}
+COMPARISON_SQL: Mapping[str, Callable[[Sql, Sql], ColumnElement[bool]]] = dict(
+    zip(
+        COMPARISONS,
+        (operator.eq, operator.ne, operator.lt, operator.le, operator.gt, operator.ge),
+        strict=True,
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -122,11 +79,13 @@ class Thing:
     kinds    of its properties
     columns  what each is in SQL; one of kind `any` is jsonb
     is_a     whether it is of a concept, or of one below it
+    said     what is in SQL for a text that the filter says: a parameter
     """
 
     kinds: Kinds
     columns: Mapping[str, Sql]
     is_a: Callable[[str], Sql]
+    said: Callable[[str], Sql] = literal
 
 
 def condition(expression: Expression, thing: Thing) -> ColumnElement[bool]:
@@ -149,30 +108,30 @@ class _Translation:
         return _typed(found, kind) if self.kind(part) == "any" and kind != "any" else found
 
     def json(self, part: Expression) -> Sql:
-        """The SQL of a part as jsonb."""
-        match part:
-            case Literal(value=bool() as value):
-                return func.to_jsonb(cast(literal(value), _BOOLEAN))
-            case Literal(value=str(value)):
-                return func.to_jsonb(cast(literal(value), Text))
-            case Instant(stamp=stamp):
-                return func.to_jsonb(cast(literal(stamp.isoformat()), Text))
-        if self.kind(part) == "number":
-            return func.to_jsonb(self.sql(part))
-        return self.sql(part) if self.kind(part) == "any" else func.to_jsonb(self.sql(part))
+        """The SQL of a part as jsonb; an instant is the text that `instant_text` makes of it."""
+        found = self.sql(part)
+        match self.kind(part):
+            case "any":
+                return found
+            case "instant":
+                found = func.to_char(func.timezone("UTC", found), 'YYYY-MM-DD"T"HH24:MI:SS.US"Z"')
+        return func.to_jsonb(found)
+
+    def said(self, value: str, as_type: type[Any] | Any) -> Sql:
+        return cast(self.thing.said(value), as_type)
 
     def sql(self, part: Expression) -> Sql:
         match part:
             case Property(name=name):
                 return self.property(name)
             case Literal(value=bool() as value):
-                return literal(value, _BOOLEAN)
+                return literal_column(str(value).lower(), _BOOLEAN)
             case Literal(value=str(value)):
-                return cast(literal(value), Text)
-            case Literal(value=value):
-                return cast(literal(value), Double)
+                return self.said(value, Text)
+            case Literal(value=int() | float() as value):
+                return self.said(repr(float(value)), Double)
             case Instant(stamp=stamp):
-                return cast(literal(stamp), STAMP)
+                return self.said(stamp.isoformat(), STAMP)
             case Shape(geometry=geometry):
                 return func.public.st_geomfromwkb(bindparam(None, shapely.to_wkb(geometry), LargeBinary))
             case Call():
@@ -183,8 +142,8 @@ class _Translation:
         if name in self.thing.columns:
             return self.thing.columns[name]
         head, *keys = name.split(".")
-        found: Sql = self.thing.columns[head].op("#>")(cast(literal(keys, ARRAY(Text)), ARRAY(Text)))
-        return func.nullif(found, cast(literal("null", Text), JSONB), type_=JSONB)
+        found: Sql = self.thing.columns[head].op("#>")(array([self.said(each, Text) for each in keys]))
+        return func.nullif(found, literal_column("jsonb 'null'"), type_=JSONB)
 
     def call(self, call: Call) -> Sql:
         match call:
@@ -212,12 +171,16 @@ class _Translation:
         return self.pair(call)
 
     def listed(self, inner: Expression, items: Sequence[Expression]) -> Sql:
-        kind = self.kind(inner)
-        if kind == "any" or not items:
-            return or_(false(), *(self.compared("=", inner, each) for each in items))
-        # not `in`: the server makes a comparison with each of what is no constant, and copies the left side
-        listed = array([self.of_kind(each, kind) for each in items])
-        return _comparable(self.sql(inner), kind) == any_(listed)
+        by_kind: dict[Kind, list[Expression]] = {}
+        for each in items:
+            kind = self.kind(inner)
+            by_kind.setdefault(self.kind(each) if kind == "any" else kind, []).append(each)
+        found = [self.compared("=", inner, each) for each in by_kind.pop("any", ())]
+        for kind, alike in by_kind.items():
+            # not `in`: the server compares with each of what is no constant, and copies the left side
+            listed = array([self.of_kind(each, kind) for each in alike])
+            found.append(_comparable(self.of_kind(inner, kind), kind) == any_(listed))
+        return or_(false(), *found)
 
     def pair(self, call: Call) -> Sql:
         """What the operators of two parts are."""
@@ -225,11 +188,12 @@ class _Translation:
         if call.op in COMPARISONS:
             return self.compared(call.op, a, b)
         if call.op in ARITHMETIC:
-            return ARITHMETIC_SQL[call.op](self.of_kind(a, "number"), self.of_kind(b, "number"))
+            sides = (self.of_kind(each, "number") for each in (a, b))
+            return func.semap.real_arithmetic(literal_column(f"'{call.op}'"), *sides, type_=Double)
         if call.op in SPATIAL:
             return SPATIAL_SQL[call.op](self.of_kind(a, "shape"), self.of_kind(b, "shape"))
         if call.op in TEMPORAL:
-            return TEMPORAL_SQL[call.op](self.span(a), self.span(b))
+            return self.temporal(call.op, {"a": self.span(a), "b": self.span(b)})
         assert call.op in ARRAYS, call.op  # noqa: S101  (checked)
         return _array_call(call.op, self.of_kind(a, "array"), self.of_kind(b, "array"))
 
@@ -247,43 +211,37 @@ class _Translation:
             *(compare(*(_comparable(_typed(each, kind), kind) for each in (left, right))) for kind in kinds)
         )
 
-    def span(self, part: Expression) -> Span:
-        if isinstance(part, Interval):
-            return Span(self._end(part.start, "-infinity"), self._end(part.end, "infinity"))
-        at = self.of_kind(part, "instant")
-        return Span(at, at)
+    def temporal(self, op: str, spans: Mapping[str, Mapping[str, Sql]]) -> Sql:
+        found = []
+        for part in TEMPORAL_PARTS[op]:
+            left, comparison, right = part.split()
+            sides = (spans[side[0]][side[2:]] for side in (left, right))
+            found.append(COMPARISON_SQL[comparison](*sides))
+        return (or_ if op == "t_disjoint" else and_)(*found)
 
-    def _end(self, end: Expression | None, otherwise: str) -> Sql:
-        return cast(literal(otherwise, Text), STAMP) if end is None else self.of_kind(end, "instant")
+    def span(self, part: Expression) -> Mapping[str, Sql]:
+        """From a moment to a moment; an instant is both."""
+        ends = (part.start, part.end) if isinstance(part, Interval) else (part, part)
+        return {
+            name: literal_column(f"timestamptz '{beyond}'") if end is None else self.of_kind(end, "instant")
+            for name, end, beyond in zip(("start", "end"), ends, ("-infinity", "infinity"), strict=True)
+        }
 
 
-LARGEST_FLOAT = Decimal("1.7e308")
 _BOOLEAN = false().type
 
 
 def _typed(json: Sql, kind: Kind) -> Sql:
     """The value of a kind that a jsonb is; null where it is of another."""
-    plain: Sql = json.op("#>>")(cast(literal([], ARRAY(Text)), ARRAY(Text)))
-    if kind == "instant":
-        return func.semap.instant_of(
-            case((func.jsonb_typeof(json) == "string", plain), else_=null()), type_=STAMP
-        )
     if kind == "shape":
         return func.public.st_geomfromwkb(null())
-    value: Sql = plain
     if kind == "number":
-        # jsonb keeps numbers that no float holds; a case keeps the cast from being tried on them
-        is_float = func.abs(cast(plain, Numeric)) <= LARGEST_FLOAT
-        value = case(
-            (case((func.jsonb_typeof(json) == "number", is_float), else_=false()), cast(plain, Double))
-        )
-    elif kind == "boolean":
-        value = cast(plain, _BOOLEAN)
-    elif kind == "array":
-        value = json
-    else:
-        value = cast(plain, Text)
-    return case((func.jsonb_typeof(json) == JSON_TYPES[kind], value), else_=null())
+        return func.semap.json_number(json, type_=Double)
+    plain: Sql = json.op("#>>")(literal_column("'{}'"))
+    of_kind = func.jsonb_typeof(json) == literal_column(f"'{JSON_TYPES[kind]}'")
+    value = json if kind == "array" else cast(plain, _BOOLEAN if kind == "boolean" else Text)
+    found = case((of_kind, value), else_=null())
+    return func.semap.instant_of(found, type_=STAMP) if kind == "instant" else found
 
 
 def _comparable(value: Sql, kind: Kind) -> Sql:

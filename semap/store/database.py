@@ -55,6 +55,26 @@ def connect(
     return connection
 
 
+def listen(
+    dsn: str, channel: str, role: str | None = None, *, application: str = "semap"
+) -> psycopg.Connection:
+    """Such a connection that is told of what is notified on a channel."""
+    connection = connect(dsn, role, application=application)
+    with translated():
+        try:
+            connection.execute(sql.SQL("listen {}").format(sql.Identifier(channel)))
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def wait_for_notice(listening: psycopg.Connection, at_most_s: float) -> bool:
+    """Whether something was notified before the time was over."""
+    with translated():
+        return next(iter(listening.notifies(timeout=at_most_s, stop_after=1)), None) is not None
+
+
 def open_engine(dsn: str, role: str | None = None, *, application: str = "semap", size: int = 10) -> Engine:
     """An SQLAlchemy engine with a pool of such connections; a broken one is replaced before use."""
     return create_engine(
@@ -67,14 +87,24 @@ def open_engine(dsn: str, role: str | None = None, *, application: str = "semap"
 
 
 @contextmanager
-def one_transaction(dsn: str, role: str | None = None, *, application: str = "semap") -> Iterator[Connection]:
-    """An SQLAlchemy connection in a transaction of its own: committed at the end, or nothing."""
+def one_session(dsn: str, role: str | None = None, *, application: str = "semap") -> Iterator[Engine]:
+    """An engine for one transaction after the other, which is disposed of at the end."""
     engine = open_engine(dsn, role, application=application, size=1)
     try:
-        with translated(), engine.begin() as connection:
-            yield connection
+        yield engine
     finally:
         engine.dispose()
+
+
+@contextmanager
+def one_transaction(dsn: str, role: str | None = None, *, application: str = "semap") -> Iterator[Connection]:
+    """An SQLAlchemy connection in a transaction of its own: committed at the end, or nothing."""
+    with (
+        one_session(dsn, role, application=application) as engine,
+        translated(),
+        engine.begin() as connection,
+    ):
+        yield connection
 
 
 def see_one_state(connection: Connection) -> None:

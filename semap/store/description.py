@@ -29,6 +29,9 @@ from semap.store.placement import PARTS, inverse, normalised
 
 GEOMETRIES_AT_ONCE = 500
 
+LEVEL = 1e-9
+"""How far the z axis of what is upright may lean."""
+
 INSERT_DESCRIPTIONS = text("""
     insert into semap.description (map_id, name)
     select :map_id, name from unnest(cast(:names as text[])) with ordinality as v (name, place) order by place
@@ -117,9 +120,10 @@ def outline_of(
     flat = shapely.force_2d(area)
     if not is_upright(map_T_item):
         return SourceGeometry(OUTLINE, "POLYGON2D", flat, pose_from_matrix(inverse(map_T_item)), band)
-    (a, b, _), (d, e, _), _ = inverse(map_T_item)[:3, :3]
-    x_m, y_m, _ = inverse(map_T_item)[:3, 3]
-    own = flat if np.array_equal(map_T_item, np.eye(4)) else affine_transform(flat, [a, b, d, e, x_m, y_m])
+    own = flat
+    if not np.array_equal(map_T_item, np.eye(4)):
+        (a, b, _, x_m), (d, e, _, y_m) = inverse(map_T_item)[:2]
+        own = affine_transform(flat, [a, b, d, e, x_m, y_m])
     return SourceGeometry(OUTLINE, "POLYGON2D", own, band=_lowered(band, map_T_item))
 
 
@@ -156,7 +160,8 @@ def band_within(
 
 def is_upright(map_T_item: NDArray[np.float64]) -> bool:
     """Whether the frame's z axis points up, so that an outline stays an outline."""
-    return bool(np.allclose(map_T_item[2, :3], [0, 0, 1], atol=1e-9))
+    x, y, z = map(float, map_T_item[2, :3])
+    return abs(x) <= LEVEL and abs(y) <= LEVEL and z > 0
 
 
 def insert_descriptions(connection: Connection, map_id: int, names: Sequence[str | None]) -> list[int]:

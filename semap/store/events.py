@@ -8,7 +8,7 @@ asks for events of `own` numbers asks for those of one map by the second.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
@@ -30,6 +30,7 @@ from semap.store.tables import (
     event_evidence,
     event_number,
     map_,
+    one_of,
     progress,
 )
 
@@ -192,6 +193,17 @@ def list_events_between(
         found = (_OWN_EVENTS if own else EVENTS).where(*within)
         rows = connection.execute(found.order_by(event.c.stamp, event_number.c.number).limit(limit)).all()
     return tuple(_event(row) for row in rows)
+
+
+def numbers_of(connection: Connection, event_ids: Set[UUID]) -> dict[UUID, int]:
+    """The number of each event, by its id."""
+    if not event_ids:
+        return {}
+    with translated():
+        found = connection.execute(
+            select(event.c.event_id, event.c.seq).where(one_of(event.c.event_id, event_ids))
+        )
+        return {row.event_id: row.seq for row in found}
 
 
 def newest_event(connection: Connection, of_map: str | None = None) -> int:

@@ -129,7 +129,7 @@ def delete_instance(connection: Connection, instance_id: int, carried: Carried =
         if standing and carried == "refuse":
             raise Conflict(
                 f"{held.name} carries other things: {', '.join(standing)}.",
-                "Delete what stands on it first, or say what is to become of it (carried=delete or keep).",
+                "Delete the instances on it first, or choose their fate (carried=delete or keep).",
             )
         connection.execute(select(func.semap.delete_instance(instance_id, carried == "delete")))
 
@@ -138,7 +138,7 @@ def _require_known(connection: Connection, map_id: int, item: Item) -> None:
     with translated():
         rows = connection.execute(
             select(instance.c.name, concept.c.name)
-            .join(concept)
+            .join(concept, concept.c.concept_id == instance.c.concept_id)
             .where(instance.c.map_id == map_id, one_of(instance.c.name, {item.storey, *item.joins} - {None}))
         )
         known = dict(rows.all())

@@ -75,7 +75,7 @@ def set_storey(connection: Connection, instance_id: int, storey: str | None) -> 
         if storey is not None:
             storey_id = connection.scalar(
                 select(instance.c.instance_id)
-                .join(concept)
+                .join(concept, concept.c.concept_id == instance.c.concept_id)
                 .where(instance.c.map_id == held.map_id, instance.c.name == storey, concept.c.name == STOREY)
             )
             if storey_id is None:

@@ -267,7 +267,7 @@ def _insert_queries(connection: Connection, map_id: int, document: MapDocument) 
             asked = declared(query.name, query.predicate, query.concept, query.options)
             query_ids[query.name] = connection.scalar(
                 insert(continuous_query)
-                .values(map_id=map_id, enabled=query.enabled, **columns_of(connection, asked))
+                .values(map_id=map_id, enabled=query.enabled, **columns_of(connection, map_id, asked))
                 .returning(continuous_query.c.query_id)
             )
         for each in document.rules:

@@ -71,22 +71,26 @@ def normalised(pose: Pose) -> Pose:
 
     raises  InvalidInput if the quaternion has no length or a part is not finite
     """
-    parts = np.array([pose.x_m, pose.y_m, pose.z_m, pose.qx, pose.qy, pose.qz, pose.qw])
-    largest = float(np.abs(parts[3:]).max())
+    place_m = [pose.x_m, pose.y_m, pose.z_m]
+    turn = [pose.qx, pose.qy, pose.qz, pose.qw]
+    largest = max(map(abs, turn))
     if math.isfinite(largest) and largest > LONG:
-        parts[3:] /= largest  # so that no square of it overflows
-    parts[np.abs(parts) < TINY] = 0  # PostgreSQL refuses products that underflow
-    length = float(np.linalg.norm(parts[3:]))
-    if np.abs(parts[:3]).max() > FARTHEST_M:
+        turn = [part / largest for part in turn]  # so that no square of it overflows
+    # PostgreSQL refuses products that underflow
+    place_m = [0.0 if abs(part) < TINY else part for part in place_m]
+    turn = [0.0 if abs(part) < TINY else part for part in turn]
+    length = math.hypot(*turn)
+    if max(map(abs, place_m)) > FARTHEST_M:
         raise InvalidInput(f"a pose beyond {FARTHEST_M:g} m", "Mind the unit, or anchor the map.", "pose")
-    if not np.isfinite(parts).all() or length < 1e-9:
+    if not all(map(math.isfinite, (*place_m, *turn))) or length < 1e-9:
         raise InvalidInput(
             "a pose whose quaternion has no length, or with numbers that are not finite",
             "Give a unit quaternion, such as qx 0, qy 0, qz 0, qw 1.",
             "pose",
         )
-    quaternion = parts[3:] / length if abs(length - 1) > 1e-12 else parts[3:]
-    return Pose(*(float(part) for part in (*parts[:3], *quaternion)))
+    if abs(length - 1) > 1e-12:
+        turn = [part / length for part in turn]
+    return Pose(*map(float, (*place_m, *turn)))
 
 
 def insert_frames(connection: Connection, map_id: int, frames: Sequence[Placed]) -> dict[str, int]:

@@ -22,6 +22,7 @@ ROLES = (
     "semap_ingest_map",
     "semap_api_map",
     "semap_read_map",
+    "semap_compile",
 )
 
 Finding = tuple[str, str]
@@ -168,7 +169,7 @@ def _slot(server: Server) -> Iterator[Finding]:
         yield (
             f"a free replication slot (all {server.slots} are taken)",
             f"ALTER SYSTEM SET max_replication_slots = {server.slots + 8}; and restart the server, "
-            "or drop a slot that nobody reads.",
+            "or drop an unread slot.",
         )
     if server.wal_senders == 0:
         yield (

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
-from sqlalchemy import Connection, cast, delete, func, insert, select, text, update
-from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy import Connection, delete, insert, select, text, update
 
 from semap.cql2 import parse
 from semap.cql2.text import read_text
@@ -18,21 +17,14 @@ from semap.model.continuous_query import (
     Certainty,
     Debounce,
     Declaration,
-    Kind,
     Side,
 )
 from semap.store.concept import concept_id
+from semap.store.conditions import keep_condition
 from semap.store.database import translated
 from semap.store.maps import map_id_of
 from semap.store.query_check import PARAMETERS, require_meaning
 from semap.store.tables import concept, continuous_query, map_, rule, rule_query
-
-ASKED_OF: Mapping[Kind, list[str]] = {
-    "track": ["name", "source", "attributes"],
-    "instance": ["name", "alias", "attributes"],
-}
-"""What a condition may ask."""
-
 
 _RESULT = text("""
     select place, result from semap.result_page(:query_id, cast(:after as bigint[]), :limit)
@@ -109,7 +101,7 @@ def add_query(
             something that cannot be kept, Conflict if the name is taken
     """
     map_id = map_id_of(connection, map_name)
-    values = columns_of(connection, declaration)
+    values = columns_of(connection, map_id, declaration)
     with translated():
         query_id = connection.scalar(
             insert(continuous_query)
@@ -149,8 +141,8 @@ def change_query(
 
     raises  as `add_query` does; Conflict also where rules read it by another name
     """
-    get_query(connection, query_id)
-    values = columns_of(connection, declaration)
+    map_id = map_id_of(connection, get_query(connection, query_id).map)
+    values = columns_of(connection, map_id, declaration)
     with translated():
         connection.execute(
             update(continuous_query).where(continuous_query.c.query_id == query_id).values(sql=sql, **values)
@@ -212,12 +204,12 @@ def delete_query(connection: Connection, query_id: int) -> None:
         connection.execute(delete(continuous_query).where(continuous_query.c.query_id == query_id))
 
 
-def columns_of(connection: Connection, declaration: Declaration) -> Mapping[str, object]:
-    """A declaration as the columns of `continuous_query`; raises as `add_query` does."""
+def columns_of(connection: Connection, map_id: int, declaration: Declaration) -> Mapping[str, object]:
+    """A declaration as columns of `continuous_query`, its conditions compiled; raises as `add_query`."""
     require_meaning(declaration)
     for side in (declaration.subject, declaration.object):
         if side.where is not None:
-            _check_condition(connection, side.where, ASKED_OF[side.kind])
+            keep_condition(connection, map_id, side.kind, side.where)
     sure, between = declaration.certainty, declaration.between_samples
     return {
         "name": declaration.name,
@@ -251,13 +243,6 @@ def read_condition(where: str | Mapping[str, object], place: str = "where") -> M
     else:
         raise InvalidInput("it is no comparison", "Write a condition such as: name = 'Room07'", place)
     return document
-
-
-def _check_condition(connection: Connection, where: Mapping[str, object], names: list[str]) -> None:
-    """Whether the database can ask it of these names; raises InvalidInput."""
-    read_condition(where)
-    with translated():
-        connection.execute(select(func.semap.check_condition(cast(dict(where), JSONB), names)))
 
 
 def _side(connection: Connection, name: str, side: Side) -> Mapping[str, object]:

@@ -76,7 +76,7 @@ def require_meaning(declaration: Declaration) -> None:
     kinds = declaration.subject.kind, declaration.object.kind
     if "instance" in kinds and declaration.abstraction not in FLAT:
         raise InvalidInput(
-            f"what is kept true is not of the abstraction {declaration.abstraction}",
+            f"continuous queries do not support the abstraction {declaration.abstraction}",
             f"Use one of {', '.join(FLAT)}.",
         )
     if declaration.abstraction == "Line" and declaration.predicate != "crosses":
@@ -117,7 +117,7 @@ def _check_edges_of_pairs(declaration: Declaration) -> None:
         )
     if declaration.between_samples is not None and predicate != "crosses":
         raise InvalidInput(
-            "both sides of a pair may move between two samples, so that no straight way says when they met",
+            "both sides of a pair may move between two samples: one path alone gives no moment",
             "Leave between_samples out.",
         )
     if predicate not in HAVE_MARGINS and (debounce.enter_margin_m or debounce.leave_margin_m):

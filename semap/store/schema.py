@@ -11,7 +11,6 @@ import hashlib
 import logging
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import psycopg
 from psycopg import errors
@@ -19,12 +18,15 @@ from sqlalchemy import Connection, text
 
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
+from semap.store.conditions import compile_again
 from semap.store.database import connect, one_transaction, translated
 from semap.store.object_comment import comment_statements
+from semap.store.schema_files import schema_folder
 
 log = logging.getLogger(__name__)
 
 MIGRATION_LOCK = 7366
+FORGET = "000_forget.sql"
 LOCK_S = 2.0
 """So long a migration waits for a table that is in use: whoever wants it after that waits as long."""
 PAUSE_S = 1.0
@@ -44,15 +46,6 @@ class Migrated:
     version_before: str | None
     version: str
     behaviour_changed: bool
-
-
-def schema_folder(name: str) -> Path:
-    """Where `sql` or `migrations` lies: inside the installed package, or at the top of a checkout."""
-    package = Path(semap.__file__).parent
-    for folder in (package / "schema" / name, package.parent / name):
-        if folder.is_dir():
-            return folder
-    raise DatabaseError(f"The folder {name}/ is missing.", "Install semap again.")
 
 
 def migrate(dsn: str, *, slot: bool = True) -> Migrated:
@@ -143,6 +136,9 @@ def _upgrade(connection: Connection) -> str | None:
             f"The database has schema version {before}, which semap {semap.__version__} does not know.",
             "Install the version of semap that migrated it, or a newer one.",
         )
+    if before is not None and before != head_version():
+        # else views and functions hold the tables that a migration changes
+        connection.connection.cursor().execute((schema_folder("sql") / FORGET).read_text())
     config = Config()
     config.set_main_option("script_location", str(schema_folder("migrations")))
     config.attributes["connection"] = connection
@@ -150,12 +146,18 @@ def _upgrade(connection: Connection) -> str | None:
     return before
 
 
-def _behaviour_files() -> list[Path]:
-    return sorted(schema_folder("sql").glob("*.sql"))
+def run_files(connection: Connection, folder: str) -> None:
+    """Run the SQL of a folder, in the order of its files' names, and make comments of the sentences in it."""
+    cursor = connection.connection.cursor()
+    for file in sorted(schema_folder(folder).glob("*.sql")):
+        sql = file.read_text()
+        cursor.execute(f"{sql}\n{comment_statements(sql)}")
 
 
 def _checksum() -> str:
-    parts = [file.name.encode() + b"\0" + file.read_bytes() for file in _behaviour_files()]
+    parts = [
+        file.name.encode() + b"\0" + file.read_bytes() for file in sorted(schema_folder("sql").glob("*.sql"))
+    ]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
@@ -163,10 +165,8 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
     """Apply sql/ where it differs, and after a migration, whose tables want their grants."""
     if not again and connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
-    cursor = connection.connection.cursor()
-    for file in _behaviour_files():
-        sql = file.read_text()
-        cursor.execute(f"{sql}\n{comment_statements(sql)}")
+    run_files(connection, "sql")
+    compile_again(connection)
     connection.execute(text("delete from semap.behaviour"))
     connection.execute(
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}

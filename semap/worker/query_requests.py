@@ -20,7 +20,7 @@ from threading import Event as Signal
 from sqlalchemy import Connection, Engine, func, select, update
 
 from semap.errors import CallerError, InvalidInput, ServerUnavailable
-from semap.store.database import connect, open_engine, translated
+from semap.store.database import listen, one_session, translated, wait_for_notice
 from semap.store.queries import add_query, declaration_from_sql
 from semap.store.tables import map_, query_request
 from semap.worker.beside import again_and_again, beside
@@ -45,29 +45,28 @@ def answering(dsn: str) -> Iterator[None]:
 
 def _keep(dsn: str, stop: Signal) -> None:
     if find_spec("pglast") is None:
-        log.info("Queries that are asked for in SQL are not answered. To do so: pip install 'semap[sql]'")
+        log.info("Requests for queries in SQL are not answered. To do so: pip install 'semap[sql]'")
         return
-    waits = "Queries that are asked for in SQL wait"
+    waits = "Requests for queries in SQL wait"
     again_and_again(partial(_follow, dsn), stop, log, waits, RETRY_S)
 
 
 def _follow(dsn: str, stop: Signal) -> None:
     application = "semap work: requests"
-    engine = open_engine(dsn, ROLE, application=application, size=1)
-    try:
-        with connect(dsn, ROLE, application=application) as listening, translated():
-            listening.execute("listen semap_query_request")
-            listening.execute("select pg_advisory_lock_shared(%s, 0)", [ANSWERING_LOCK])
-            look_s = 0.0
-            while not stop.is_set():
-                if time.monotonic() >= look_s:
-                    while not stop.is_set() and answer_next(engine):
-                        pass
-                    look_s = time.monotonic() + LOOK_S
-                if next(iter(listening.notifies(timeout=WAKE_S, stop_after=1)), None) is not None:
-                    look_s = 0.0
-    finally:
-        engine.dispose()
+    with (
+        one_session(dsn, ROLE, application=application) as engine,
+        listen(dsn, "semap_query_request", ROLE, application=application) as listening,
+        translated(),
+    ):
+        listening.execute("select pg_advisory_lock_shared(%s, 0)", [ANSWERING_LOCK])
+        look_s = 0.0
+        while not stop.is_set():
+            if time.monotonic() >= look_s:
+                while not stop.is_set() and answer_next(engine):
+                    pass
+                look_s = time.monotonic() + LOOK_S
+            if wait_for_notice(listening, WAKE_S):
+                look_s = 0.0
 
 
 def answer_next(engine: Engine) -> bool:

@@ -10,7 +10,7 @@ from guarded import Building
 from psycopg.sql import SQL, Identifier
 
 from semap.store.database import connect
-from semap.store.schema import schema_folder
+from semap.store.schema_files import schema_folder
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
 SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",

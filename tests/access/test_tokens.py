@@ -205,7 +205,7 @@ def test_a_service_that_starts_without_tokens_says_how_to_make_one(database: str
     ) as serving:
         assert serving.stderr is not None
         try:
-            assert "Nobody has a token yet" in serving.stderr.readline()
+            assert "There is no token yet" in serving.stderr.readline()
             assert "semap token add" in serving.stderr.readline()
             with httpx.Client(base_url=f"http://127.0.0.1:{port}") as client:
                 until(lambda: answers(client, "/health"))

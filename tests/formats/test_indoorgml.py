@@ -245,7 +245,7 @@ def test_cells_of_any_class_are_taken_and_what_is_left_out_is_said() -> None:
         "1 cell: of the class FireDoorSpace, which is not IndoorGML's own; taken as Door",
         "1 cell: they lie in another file",
         "2 InterLayerConnection: semap reads cells, states and transitions",
-        "1 transition: left out: they lead into what nobody can pass",
+        "1 transition: left out: they lead into a cell that is not navigable",
     }
 
 

@@ -79,14 +79,14 @@ def test_rooms_of_one_storey_that_overlap(
     x: float, z: float, storey_name: str | None, area: str | None
 ) -> None:
     found = told(room("a"), room("b", x=x, z=z, storey=storey_name))
-    expected = [] if area is None else [("a", f"it overlaps 'b' by {area} m2; who is there is in both")]
+    expected = [] if area is None else [("a", f"it overlaps 'b' by {area} m2; a track there is in both")]
     assert found == expected
 
 
 def test_an_outline_counts_before_the_body_and_without_heights_at_every_height() -> None:
     flat = room("a", body=None, band=None, footprint=box(0, 0, 2, 3))
     assert told(flat, room("b", x=1.0, z=90.0)) == [
-        ("a", "it overlaps 'b' by 3.00 m2; who is there is in both")
+        ("a", "it overlaps 'b' by 3.00 m2; a track there is in both")
     ]
     narrow = room("b", footprint=box(2, 0, 4, 3))
     assert told(flat, narrow) == []

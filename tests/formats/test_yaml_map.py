@@ -13,8 +13,9 @@ from map_documents import content, map_documents
 from shapely import MultiPolygon, Polygon
 
 from semap.errors import InvalidInput, NotFound, SemapError
+from semap.formats import yaml_node
 from semap.formats.yaml_map import read_map, write_map
-from semap.formats.yaml_node import parse_yaml
+from semap.formats.yaml_node import Node, parse_yaml
 from semap.geometry.pose import pose_from_yaw, transform_points
 from semap.model.building import HeightBand, Mesh
 from semap.model.map_document import ConceptEntry, DescriptionEntry, FrameEntry, MapDocument, StampedPose
@@ -270,6 +271,18 @@ def test_a_mesh_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(InvalidInput, match=r"map.yaml:\d+:\d+: .*cut off"):
         read_map(tmp_path)
+
+
+def test_a_large_file_that_is_no_yaml_near_its_end_makes_no_nodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = ["map: m", "things:", *(f"  thing {n}: {{alias: thing}}" for n in range(40_000)), "  last: [1, 2"]
+    (tmp_path / "map.yaml").write_text("\n".join(lines))
+    made: list[Node] = []
+    monkeypatch.setattr(yaml_node, "Node", lambda *parts: made.append(Node(*parts)) or made[-1])
+    with pytest.raises(InvalidInput, match=r"map.yaml:\d+:\d+: not YAML: did not find expected ',' or ']'"):
+        read_map(tmp_path)
+    assert not made
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from semap.errors import InvalidInput
 from semap.geometry.abstractions import Abstraction, derive
 from semap.geometry.pose import pose_from_matrix, pose_from_yaw, transform_mesh
 from semap.geometry.prism import extrude
+from semap.geometry.upright import upright
 from semap.model.building import HeightBand, Mesh
 from semap.model.pose import Pose
 from semap.model.source_geometry import PolygonMesh, SourceGeometry
@@ -166,6 +167,59 @@ def test_an_upright_pose_carries_every_abstraction(
     hull = transform_mesh(map_T_body, mesh_in(own, "BoundingHull"))
     assert inside(mesh_in(moved, "BoundingHull"), hull.vertices_m)
     assert inside(hull, mesh_in(moved, "BoundingHull").vertices_m)
+
+
+@settings(deadline=None)
+@given(
+    st.one_of(star_polygons(), cell_polygons()),
+    st.floats(-3.1, 3.1),
+    st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)),
+    st.floats(1e-3, 1e3),
+)
+def test_what_stands_upright_has_what_qhull_gives(
+    polygon: Polygon | MultiPolygon, yaw_rad: float, shift_m: tuple[float, float], height_m: float
+) -> None:
+    flat = shapely.affinity.translate(shapely.affinity.rotate(polygon, yaw_rad, use_radians=True), *shift_m)
+    body = extrude(flat, -0.4, height_m)
+    found = by_type(body)
+    # With the corners above in another order than those below it is taken for any body.
+    order = np.argsort(body.vertices_m[:, 2], kind="stable")
+    order[len(order) // 2 :] = order[len(order) // 2 :][::-1]
+    other = Mesh(body.vertices_m[order], np.argsort(order)[body.faces])
+    assert upright(other.vertices_m) is None
+    expected = by_type(other)
+    assert list(found) == list(expected)
+    for type_, one in found.items():
+        assert (one.z_min_m, one.z_max_m) == (-0.4, height_m)
+        if type_ in ("Footprint", "FootprintHull", "AxisAligned2D"):
+            one_shape, same_shape = shape_in(found, type_), shape_in(expected, type_)
+            assert one_shape.symmetric_difference(same_shape).area <= 1e-9 * same_shape.area
+    assert as_cloud(mesh_in(found, "AxisAligned3D").vertices_m) == pytest.approx(
+        as_cloud(mesh_in(expected, "AxisAligned3D").vertices_m)
+    )
+    # qhull may leave out a corner that float noise made.
+    hull, same_hull = mesh_in(found, "BoundingHull"), mesh_in(expected, "BoundingHull")
+    assert_closed(hull)
+    assert inside(hull, body.vertices_m)
+    assert body_of(hull).volume == pytest.approx(body_of(same_hull).volume, rel=1e-9)
+    box = mesh_in(found, "BoundingBox")
+    assert_closed(box)
+    assert inside(box, body.vertices_m)
+    # Of equally small ones either may be taken.
+    assert body_of(box).volume == pytest.approx(body_of(mesh_in(expected, "BoundingBox")).volume, rel=1e-9)
+    centre, same_centre = (
+        shapely.get_coordinates(shape_in(each, "Position3D"), include_z=True) for each in (found, expected)
+    )
+    assert centre == pytest.approx(same_centre, rel=1e-9, abs=1e-9)
+
+
+def test_a_room_is_known_from_above() -> None:
+    for yaw_rad in (0.0, 0.3):
+        turned = shapely.affinity.rotate(L_SHAPE, yaw_rad, use_radians=True)
+        assert upright(extrude(turned, 0, 2.5).vertices_m) is not None
+    for thin in (shapely.box(0, 0, 4, 3e-6), shapely.box(1e10, 0, 1e10 + 4, 3)):
+        assert upright(extrude(thin, 0, 2.5).vertices_m) is None
+    assert upright(extrude(L_SHAPE, 0, 1e-6).vertices_m) is None
 
 
 def test_a_box_does_not_turn_with_float_noise() -> None:

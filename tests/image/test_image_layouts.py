@@ -89,7 +89,7 @@ def test_known_boxes_come_back(
 ) -> None:
     path = write_model(tmp_path / "model.onnx", outputs(things_for(fit, again=overlapping)))
     if named:
-        with pytest.raises(InvalidInput, match="do not tell for certain") as caught:
+        with pytest.raises(InvalidInput, match="have an ambiguous layout") as caught:
             ImageDetector.open(path)
         assert name in str(caught.value)
         assert "--camera-layout" in caught.value.remedy

@@ -130,7 +130,7 @@ UNKNOWN = [
     Known("two images", {"output": (2, 25200, 85)}, "no detector whose outputs are known"),
     Known("names for another", {"output0": (1, 84, 8400)}, "3 class names", class_count=3),
     Known("two classes in rows, three names", {"output": (1, 8400, 6)}, "may be yolov10", class_count=3),
-    Known("a background among the names", {"output": (1, 8400, 85)}, "do not tell", class_count=81),
+    Known("a background among the names", {"output": (1, 8400, 85)}, "ambiguous layout", class_count=81),
     Known(
         "heads that are called so",
         {"boxes": (1, 900, 4), "scores": (1, 900, 80), "labels": (1, 5)},
@@ -147,7 +147,7 @@ def test_models_that_exist(known: Known) -> None:
     if len(layouts) == 1:
         assert recognise(known.evidence, "", None, "m.onnx")[0].name == layouts[0]
         return
-    with pytest.raises(InvalidInput, match=r"do not tell for certain") as caught:
+    with pytest.raises(InvalidInput, match=r"have an ambiguous layout") as caught:
         recognise(known.evidence, "", None, "m.onnx")
     assert re.findall(r"may be (.*);", str(caught.value)) == [", ".join(layouts)]
     for layout in layouts:

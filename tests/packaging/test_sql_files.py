@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from semap.store.object_comment import CREATE, STATEMENT
-from semap.store.schema import schema_folder
+from semap.store.schema_files import schema_folder
 
 COLUMNS = 120
 LINES = 60

@@ -63,7 +63,8 @@ def test_the_wheel_holds_the_schema(wheel: Path) -> None:
     behaviour = {f"semap/schema/sql/{file.name}" for file in (CHECKOUT / "sql").glob("*.sql")}
     state = {
         f"semap/schema/migrations/{file.relative_to(CHECKOUT / 'migrations')}"
-        for file in (CHECKOUT / "migrations").rglob("*.py")
+        for file in (CHECKOUT / "migrations").rglob("*.*")
+        if file.suffix in {".py", ".sql"}
     }
     assert behaviour
     assert state

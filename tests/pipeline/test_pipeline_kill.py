@@ -104,6 +104,6 @@ def test_ctrl_c_says_how_to_go_on(office_map, office):
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert "Give the same command again" in told
+    assert "Run the same command again" in told
     assert is_done(begun(office_map, str(office.recording), None))
     assert all("True, 0)" in row for row in stored(office_map)["sources"])

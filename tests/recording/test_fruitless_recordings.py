@@ -197,6 +197,6 @@ def test_images_without_camera_info_are_refused(world: World, tmp_path: Path) ->
     box = ROS.box([ROS.hypothesis("person", 0.9)], 1.0, 1.0, (1.0, 1.0))
     found = ROS.make("vision_msgs/Detection2DArray", header=ROS.header(START_NS, "optical"), detections=[box])
     said = [STILL, *scans(), Said("/boxes", "vision_msgs/msg/Detection2DArray", found, START_NS)]
-    with pytest.raises(InvalidInput, match="nothing says how the camera sees") as caught:
+    with pytest.raises(InvalidInput, match="there is no calibration of the camera") as caught:
         ingest_recording(world.dsn, recorded(tmp_path, said))
     assert "--topic boxes=" in caught.value.remedy

@@ -140,7 +140,7 @@ def test_the_doctor_names_a_relation_that_an_ellipse_ends(world: World) -> None:
             return {each.name for each in verification.look("world") if each.differ}
 
     for across_m, yaw_rad, named in (
-        (0.05, 0.0, {"careful relations"}),
+        (0.05, 0.0, {"stateful relations"}),
         (0.05, 1.5, set()),
         (0.4, 0.0, set()),
     ):

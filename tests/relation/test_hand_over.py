@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 from concurrent.futures import ThreadPoolExecutor
 
@@ -26,7 +25,8 @@ def ask_about(world: World, name: str, said: str, value: str) -> None:
     condition = {"op": "=", "args": [{"property": said}, value]}
     world.run(
         "insert into semap.continuous_query (map_id, name, object_concept_id, subject_where)"
-        " select %s, %s, concept_id, %s from semap.concept where name = 'Room'", world.map_id, name, json.dumps(condition),
+        " select %s, %s, concept_id, %s from semap.concept where name = 'Room'",
+        world.map_id, name, world.keep_where(condition),
     )  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def test_a_track_that_is_described_anew(world: World) -> None:
 
 def test_a_track_that_comes_while_a_query_is_added_is_chosen(world: World) -> None:
     world.add_room("room", shapely.box(0, 0, 4, 4))
-    condition = json.dumps({"op": "=", "args": [{"property": "name"}, "t"]})
+    condition = world.keep_where({"op": "=", "args": [{"property": "name"}, "t"]})
     with connect(world.dsn, autocommit=False) as editor, ThreadPoolExecutor() as pool:
         editor.execute(
             "insert into semap.continuous_query (map_id, name, object_concept_id, subject_where)"

@@ -68,8 +68,10 @@ def test_pairs_hold_while_a_track_goes_on_at_another_source(town: Town) -> None:
 
 
 def test_a_query_about_a_source_follows_who_goes_there(town: Town) -> None:
-    condition = '{"op": "=", "args": [{"property": "source"}, "other"]}'
-    town.world.run("update semap.continuous_query set object_where = %s where in_pairs", condition)
+    condition = {"op": "=", "args": [{"property": "source"}, "other"]}
+    town.world.run(
+        "update semap.continuous_query set object_where = %s where in_pairs", town.world.keep_where(condition)
+    )
     before = len(told(town.world))
     hand_over(town, "a", 1)
     hand_over(town, "b", 0)

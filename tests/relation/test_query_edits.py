@@ -74,7 +74,7 @@ def test_a_query_is_about_the_tracks_that_it_says(inside: World) -> None:
     before = told(inside)
     inside.run(
         "update semap.continuous_query set subject_where = %s where query_id = %s",
-        '{"op": "=", "args": [{"property": "name"}, "b"]}',
+        inside.keep_where({"op": "=", "args": [{"property": "name"}, "b"]}),
         inside.query_id,
     )
     assert told(inside)[len(before) :] == [("a", "ended", "map", 1)]
@@ -93,7 +93,7 @@ def test_a_query_is_about_the_instances_that_it_says(inside: World) -> None:
     inside.run("update semap.instance set attributes = '{\"seats\": 4}' where name = 'room'")
     inside.run(
         "update semap.continuous_query set object_where = %s where query_id = %s",
-        '{"op": ">", "args": [{"property": "attributes.seats"}, 4]}',
+        inside.keep_where({"op": ">", "args": [{"property": "attributes.seats"}, 4]}, "instance"),
         inside.query_id,
     )
     assert sorted(told(inside)[len(before) :]) == [("a", "ended", "map", 1), ("b", "ended", "map", 2)]

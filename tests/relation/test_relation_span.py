@@ -9,10 +9,10 @@ from datetime import timedelta
 import pytest
 import shapely
 from made_relations import KINDS, Thing, at, hold, pair_query, past
-from semap_service.cli.relations import BETWEEN
 from world import SECOND_US, World
 
 from semap.store.database import one_transaction
+from semap.store.relation_spans import Chosen, list_spans
 from semap.store.relations import START, Wanted, list_relations
 
 
@@ -128,10 +128,10 @@ def test_a_track_an_instance_or_a_query_of_them(world: World, spans: list[Span])
 
 
 def test_what_held_between_two_moments(world: World, spans: list[Span]) -> None:
-    asked = dict.fromkeys(("map", "query", "track", "room"))
-    for start_s, end_s in ((None, None), (10, 20), (None, 3), (95, None), (20, 20.5)):
+    for start_s, end_s in ((-1, None), (10, 20), (None, 3), (95, None), (20, 20.5)):
         start, end = (None if each is None else at(each) for each in (start_s, end_s))
-        rows = world.connection.execute(BETWEEN, {**asked, "start": start, "end": end}).fetchall()
+        with one_transaction(world.dsn) as connection:
+            rows = [tuple(row.values()) for row in list_spans(connection, Chosen(start=start, end=end))]
         wanted = [
             span.row()
             for span in spans

@@ -32,7 +32,7 @@ def ask(world: World, **columns: object) -> None:
     for name, value in columns.items():
         world.run(
             f"update semap.continuous_query set {name} = %s where query_id = %s",
-            json.dumps(value) if isinstance(value, dict) else value, world.query_id,
+            world.keep_where(value) if isinstance(value, dict) else value, world.query_id,
         )  # fmt: skip
 
 

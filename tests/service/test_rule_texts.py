@@ -46,7 +46,7 @@ def test_what_is_right_is_as_it_can_be_added(office: Service) -> None:
 @pytest.mark.parametrize(
     ("text", "line", "column", "message"),
     [
-        ("", None, None, "the text says nothing"),
+        ("", None, None, "the text is empty"),
         ("name: visits\ninput: [track_in_room\n", 3, 1, "not YAML"),
         ("name: visits\ninput: track_in_room\nemits: {began: entered}\n", 3, 1, "there is no such clause"),
         (f"{VISITS}where: type = = 'began'\n", 4, 15, ""),

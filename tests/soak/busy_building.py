@@ -17,7 +17,7 @@ import psycopg
 import shapely
 from semap_ingest.replay import Plan, replay
 from semap_ingest.track_file import Tracks
-from world import SECOND_US
+from world import SECOND_US, keep_where
 
 from semap.store.database import connect
 
@@ -30,11 +30,11 @@ QUERIES = {
     "plain": {},
     "debounced": {"enter_margin_m": 0.3, "leave_margin_m": 0.3, "enter_confirm": "1 s", "leave_confirm": "2 s"},
     "by the way": {"longest_gap": "3 s", "fastest_mps": 10, "leave_confirm": "0.5 s"},
-    "of the first": {"subject_where": '{"op": "like", "args": [{"property": "source"}, "w1%"]}'},
+    "of the first": {"subject_where": {"op": "like", "args": [{"property": "source"}, "w1%"]}},
     "likely": {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 2},
     "near each other": {"predicate": "within_distance", "distance_m": 0.5, "leave_margin_m": 0.2, "object_kind": "track"},
     "near the first": {"predicate": "nearest", "count": 1, "distance_m": 1, "object_kind": "track",
-                       "subject_where": '{"op": "like", "args": [{"property": "source"}, "w1%"]}'},
+                       "subject_where": {"op": "like", "args": [{"property": "source"}, "w1%"]}},
 }  # fmt: skip
 
 
@@ -243,12 +243,18 @@ def other_query(connection: psycopg.Connection, dice: random.Random, names: Sequ
 def add_query(connection: psycopg.Connection, name: str) -> None:
     values = QUERIES[name]
     columns = "".join(f", {column}" for column in values)
-    connection.execute(
-        f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
-        f" select map_id, %s, case when %s then concept_id end{', %s' * len(values)} from semap.map, semap.concept c"
-        " where c.name = 'Room'",
-        [name, values.get("object_kind") != "track", *values.values()],
-    )
+    with connection.transaction():
+        (map_id,) = connection.execute("select map_id from semap.map").fetchone()
+        said = [
+            keep_where(connection, map_id, each) if isinstance(each, dict) else each
+            for each in values.values()
+        ]
+        connection.execute(
+            f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
+            f" select %s, %s, case when %s then concept_id end{', %s' * len(values)} from semap.concept c"
+            " where c.name = 'Room'",
+            [map_id, name, values.get("object_kind") != "track", *said],
+        )
 
 
 def change_query(connection: psycopg.Connection, dice: random.Random) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from semap.store.database import connect
 from semap.store.object_comment import comment_statements, comments_in
-from semap.store.schema import schema_folder
+from semap.store.schema_files import schema_folder
 
 HOSTILE = r"""-- The file's own remark; it says nothing of a type.
 

@@ -177,8 +177,7 @@ def test_settings_that_need_a_restart() -> None:
         )
         slot = (
             "a free replication slot (all 1 are taken)",
-            "ALTER SYSTEM SET max_replication_slots = 9; and restart the server, "
-            "or drop a slot that nobody reads.",
+            "ALTER SYSTEM SET max_replication_slots = 9; and restart the server, or drop an unread slot.",
         )
         assert found(dsn) == [wal_level, senders]
         with superuser(dsn, "select pg_create_physical_replication_slot('standby')"):

@@ -11,7 +11,8 @@ from alembic.script import ScriptDirectory
 from semap.errors import DatabaseError, ServerUnavailable
 from semap.store import schema
 from semap.store.database import connect
-from semap.store.schema import head_version, is_current, migrate, require_current, schema_folder
+from semap.store.schema import head_version, is_current, migrate, require_current
+from semap.store.schema_files import schema_folder
 
 
 def test_several_at_once_make_one_schema(empty_database: str) -> None:

@@ -27,7 +27,7 @@ QUERIES = {
     "ways": {"longest_gap": timedelta(seconds=5), "fastest_mps": 10, "leave_confirm": timedelta(seconds=1)},
     "near": {"predicate": "within_distance", "distance_m": 0.5, "enter_margin_m": 0.2},
     "likely": {"enter_probability": 0.9, "leave_probability": 0.1, "widest_std_m": 2},
-    "about": {"subject_where": json.dumps({"op": "like", "args": [{"property": "name"}, "t1%"]})},
+    "about": {"subject_where": {"op": "like", "args": [{"property": "name"}, "t1%"]}},
 }
 
 
@@ -36,7 +36,7 @@ def add_query(world: World, name: str, **values: object) -> None:
     world.run(
         f"insert into semap.continuous_query (map_id, name, object_concept_id{columns})"
         f" select %s, %s, concept_id{', %s' * len(values)} from semap.concept where name = 'Room'",
-        world.map_id, name, *values.values(),
+        world.map_id, name, *(world.keep_where(each) if isinstance(each, dict) else each for each in values.values()),
     )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ PLAIN, CAREFUL = ONE_RELATION.format("track_in_room"), ONE_RELATION.format("near
 
 BROKEN = {
     "a relation is gone": (f"delete from semap.relation where {PLAIN}", {"plain relations", "held", "log"}),
-    "a careful relation is gone": (f"delete from semap.relation where {CAREFUL}", {"careful relations", "held", "log"}),
+    "a stateful relation is gone": (f"delete from semap.relation where {CAREFUL}", {"stateful relations", "held", "log"}),
     "a relation too many": (
         "insert into semap.relation select t.track_id, r.region_id, r.query_id, r.instance_id, r.map_id, now()"
         " from semap.region r join semap.track_now t on t.live and st_distance(r.footprint, st_point(t.x_m, t.y_m)) > 3"
@@ -120,14 +120,14 @@ BROKEN = {
         {"held"}),
     "a wrong place": (
         "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from semap.relation)",
-        {"presents", "plain relations", "careful relations"}),
+        {"presents", "plain relations", "stateful relations"}),
     "an old place": (
         "update semap.track_now t set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m from semap.stored_state s"
         " where s.track_id = t.track_id and s.stamp = '1970-01-01 00:00:21Z'"
         " and t.track_id = (select min(track_id) from semap.relation)", {"presents"}),
     "a track that should live": (
         "update semap.track_now set live = false where track_id = (select min(track_id) from semap.relation)",
-        {"presents", "plain relations", "careful relations"}),
+        {"presents", "plain relations", "stateful relations"}),
     "a cell too few": (
         "delete from semap.region_cell where ctid = (select min(ctid) from semap.region_cell)", {"grid"}),
     "an edge of another place": (
@@ -141,8 +141,8 @@ BROKEN = {
     "a track that is not chosen": (
         "delete from semap.query_track where track_id = (select min(track_id) from semap.query_track)", {"subjects"}),
     "a verge that says otherwise": (
-        "update semap.verge set side = not side where ctid = (select min(ctid) from semap.verge)", {"careful relations"}),
-    "no verge": ("delete from semap.verge", {"careful relations"}),
+        "update semap.verge set side = not side where ctid = (select min(ctid) from semap.verge)", {"stateful relations"}),
+    "no verge": ("delete from semap.verge", {"stateful relations"}),
     "a change too few": (
         "delete from semap.relation_change where change_id ="
         " (select max(change_id) from semap.relation_change where kind = 'ended' and cause = 'moved')", {"log", "past"}),

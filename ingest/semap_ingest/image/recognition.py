@@ -31,8 +31,7 @@ def recognise(
         return likely[0]
     names = [each.name for each, _ in likely or fitting]
     raise InvalidInput(
-        f"its outputs do not tell for certain which layout they have, which may be {', '.join(names)}; "
-        f"it has {found}",
+        f"its outputs have an ambiguous layout, which may be {', '.join(names)}; it has {found}",
         f"Name the one that it was exported with: --camera-layout {names[0]}; its classes in a file, one in"
         " each line, may settle it too: --camera-classes FILE.",
         where,

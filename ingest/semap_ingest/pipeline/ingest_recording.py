@@ -238,7 +238,7 @@ def _require_camera(parts: Parts) -> None:
         return
     flaws = [f"{name}: {flaw}" for name, flaw in parts.useless.items()]
     raise InvalidInput(
-        "; ".join(["nothing says how the camera sees that took its images", *flaws]),
+        "; ".join(["there is no calibration of the camera that took its images", *flaws]),
         "Record its camera_info, or leave the images out: --topic image= --topic boxes=",
     )
 

@@ -212,7 +212,7 @@ def _near_miss_lines(near_miss: NearMiss) -> Iterator[str]:
         yield from _asked_lines(asked)
     yield from _ending_lines(near_miss)
     if near_miss.others:
-        yield f"  Other attempts under way at that time, none of which came further: {near_miss.others}."
+        yield f"  Other partial matches at that time, none of which matched further: {near_miss.others}."
 
 
 def _ending_lines(near_miss: NearMiss) -> Iterator[str]:

@@ -107,7 +107,7 @@ def read_partition(value: object) -> tuple[str, ...]:
             raise InvalidInput("a property is needed", "Write partition_by: room, or [track, room].", where)
         head, dot, key = name.partition(".")
         if name not in KEYS and not (dot and key and PROPERTIES.get(head) == "any"):
-            raise unknown(f"rows cannot be told apart by {name}", name, [*KEYS, "attributes.KEY"], where)
+            raise unknown(f"rows cannot be partitioned by {name}", name, [*KEYS, "attributes.KEY"], where)
         if name in names[:n]:
             raise InvalidInput(f"{name} is there twice", "Leave one out.", where)
     return tuple(cast(list[str], names))
@@ -150,7 +150,7 @@ def read_after_match(value: object, variables: Collection[str]) -> AfterMatch:
     said = " ".join(words[:3] if asks_variable else words).lower()
     if said not in SKIPS or (said in ("skip to first", "skip to last")) != asks_variable:
         raise unknown(
-            "it does not say where to go on",
+            "it does not define where to continue",
             said,
             [name if name.split()[-1] not in ("first", "last") else f"{name} X" for name in SKIPS],
             "after_match",

@@ -229,7 +229,7 @@ def _require_sense(declaration: Declaration) -> None:
     actors = properties_read(declaration) & OF_ACTOR
     if actors and all(item.actor_within_m is None for item in declaration.inputs):
         raise InvalidInput(
-            f"{min(actors)} is read, and no input says how near an actor is",
+            f"{min(actors)} is read, and no input has actor_within_m",
             "Write the input as {object_state: door, actor_within_m: 1.5}.",
             "input",
         )

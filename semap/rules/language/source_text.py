@@ -156,7 +156,7 @@ class _Reading:
                     )
                 found.append(self._value(next(self.events), "", 0))
         if not found:
-            raise InvalidInput("the text says nothing", "Write at least input and emit.")
+            raise InvalidInput("the text is empty", "Write at least input and emit.")
         return found[0]
 
     def _value(self, event: Any, path: str, depth: int) -> object:

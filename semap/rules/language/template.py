@@ -97,7 +97,7 @@ def _called(default: str) -> Parameter:
     return Parameter("name", default, "name of the rule, and of its event")
 
 
-QUERY = Parameter("query", "track_in_room", "the continuous query: who is where")
+QUERY = Parameter("query", "track_in_room", "the continuous query")
 DOOR = Parameter("door", "door", "the property of doors that becomes open and closed")
 REACH = Parameter("reach_m", "1.5", "how near the one is who opens or closes a door [m]", _distance_m)
 GAP = Parameter("within", "6 s", "the longest time between the two, itself excluded", _duration)

@@ -38,7 +38,7 @@ NOBODY = Caller("nobody", None, frozenset({"read"}), frozenset(), frozenset())
 NO_TOKEN = Refusal(
     HTTPStatus.UNAUTHORIZED,
     "no-token",
-    "This asks for a token.",
+    "This needs a token.",
     "Send the header `Authorization: Bearer semap_...`; `semap token add` makes a token.",
     {"WWW-Authenticate": 'Bearer realm="semap"'},
 )
@@ -46,7 +46,7 @@ WRONG_TOKEN = Refusal(
     HTTPStatus.UNAUTHORIZED,
     "wrong-token",
     "The token is unknown, has expired, or was revoked.",
-    "Ask whoever keeps the tokens for another one; `semap token list` shows them.",
+    "Ask the administrator for another one; `semap token list` shows them.",
     {"WWW-Authenticate": 'Bearer realm="semap", error="invalid_token"'},
 )
 CHANGED_TOKEN = Refusal(
@@ -217,7 +217,7 @@ class Authorisation:
             HTTPStatus.TOO_MANY_REQUESTS,
             "too-many-requests",
             f"More than {self._buckets.rate_per_s:g} requests a second.",
-            "Wait as long as Retry-After says; a feed tells news without being asked.",
+            "Wait for the time in Retry-After; a feed needs no polling.",
             {"Retry-After": str(allowance.retry_after_s)},
         )
 
@@ -303,7 +303,7 @@ def _lacks_scope(scope: str) -> Refusal:
     return Refusal(
         HTTPStatus.FORBIDDEN,
         "forbidden",
-        f"This asks for a token with the scope {scope}.",
+        f"This needs a token with the scope {scope}.",
         f"Use one; `semap token add NAME --scope {scope}` makes one.",
         {"WWW-Authenticate": f'Bearer realm="semap", error="insufficient_scope", scope="{scope}"'},
     )

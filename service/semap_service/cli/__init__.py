@@ -42,11 +42,11 @@ A building goes in, movement goes in, events come out:
 
     semap up                                    start the server, the rule worker and the service
 
-    semap map import office.geojson             in another terminal: bring in a building
+    semap map import office.geojson             in another terminal: import a building
 
-    semap ingest tracks walk.csv --map office   bring in movement
+    semap ingest tracks walk.csv --map office   import tracks
 
-    semap events --follow                       see who enters and leaves which room
+    semap events --follow                       show entries and exits of rooms
 
 Without SEMAP_DSN, semap keeps a PostGIS server of its own in SEMAP_HOME and starts it when needed.
 """

@@ -24,11 +24,11 @@ def anchor(
     yaw_deg: Annotated[
         float, typer.Option(help="How far the map's x axis is turned from east, counter-clockwise [degrees].")
     ] = 0.0,
-    remove: Annotated[bool, typer.Option("--remove", help="Forget where the map lies.")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="Remove the anchor.")] = False,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show, set or remove where on the earth a map lies.
+    """Show, set or remove the anchor of a map: its place on the earth.
 
     semap map anchor office --epsg 25832 --x 434500 --y 5791200 --yaw-deg 12.5
     """

@@ -17,9 +17,7 @@ Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the concept."
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(
-        no_args_is_help=True, help="Concepts: what kinds of things there are, and what they are kinds of."
-    )
+    app = typer.Typer(no_args_is_help=True, help="Concepts: the taxonomy of instances and tracks.")
     app.command("list")(list_all)
     app.command("show")(show)
     app.command("add")(add)
@@ -27,7 +25,7 @@ def commands() -> typer.Typer:
 
 
 def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """List the taxonomy. What is asked of a concept holds for all below it."""
+    """List the taxonomy. A query for a concept includes all concepts below it."""
     from semap.store.concept import list_concepts  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
 
@@ -62,9 +60,9 @@ def add(
         typer.Option(help="A concept right above it; may be given several times. [default: Thing]"),
     ] = None,
     iri: Annotated[
-        list[str] | None, typer.Option(help="What it is called elsewhere; may be given several times.")
+        list[str] | None, typer.Option(help="Its IRI in another vocabulary; may be given several times.")
     ] = None,
-    comment: Annotated[str | None, typer.Option(help="What it means.")] = None,
+    comment: Annotated[str | None, typer.Option(help="Its definition.")] = None,
     schema: Annotated[
         Path | None, typer.Option(help="A JSON Schema that the attributes of its instances follow.")
     ] = None,

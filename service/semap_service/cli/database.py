@@ -46,35 +46,13 @@ def migrate(dsn: Dsn = None) -> None:
 
 def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """Show where the database is, its schema, and how far the rule worker has come."""
-    from semap.store.database import connect, translated  # noqa: PLC0415
+    from semap.store.database import one_transaction  # noqa: PLC0415
+    from semap.store.status import read_status  # noqa: PLC0415
     from semap_service.cli.session import database  # noqa: PLC0415
     from semap_service.operations.redaction import redacted  # noqa: PLC0415
 
-    with database(dsn) as opened, connect(opened, "semap_read") as connection, translated():
-        row = connection.execute(
-            "select (select version_num from semap.schema_version), p.event_seq, p.updated_at,"
-            " pg_wal_lsn_diff(pg_current_wal_lsn(), s.confirmed_flush_lsn), coalesce(s.active, false)"
-            " from semap.progress p left join pg_replication_slots s on s.slot_name = semap.rule_slot()"
-            " where p.worker = 'rules'"
-        ).fetchone()
-        counts = connection.execute(
-            "select (select count(*) from semap.map), (select count(*) from semap.instance),"
-            " (select count(*) from semap.track), (select count(*) from semap.event)"
-        ).fetchone()
-    version, event_seq, updated_at, behind, active = row or (None, 0, None, None, False)
-    maps, instances, tracks, events = counts or (0, 0, 0, 0)
-    report = {
-        "dsn": redacted(opened),
-        "schema": version,
-        "maps": maps,
-        "instances": instances,
-        "tracks": tracks,
-        "events": events,
-        "last_event": event_seq,
-        "worker_running": active,
-        "worker_committed_at": updated_at,
-        "worker_behind_bytes": None if behind is None else int(behind),
-    }
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        report = {"dsn": redacted(opened), **vars(read_status(connection))}
     if as_json:
         print_json(report)
         return

@@ -15,28 +15,16 @@ from semap_service.cli.output import counted
 from semap_service.cli.processes import CHECK_S
 
 if TYPE_CHECKING:
-    import psycopg
+    from sqlalchemy import Engine
 
     from semap_service.demo.scenes import Scene
     from semap_service.processes.supervisor import Supervisor
 
 CAUGHT_UP_S = 30.0
+WAKE_S = 0.2
 FIRST_SCENE = 4
 """Number of the first scene with finished tracks."""
-
-SINCE = """
-    select e.seq, e.stamp, e.type, e.cause, e.track_name as track, e.instance_name as instance, e.key,
-           e.measures, e.confidence, null as verdict, null as amended_by
-    from semap.event e where e.seq > %s order by e.seq
-"""
-SUMS = """
-    select instance_name, count(*) filter (where type = 'entered'), count(*) filter (where type = 'left')
-    from semap.event where seq > %s and type in ('entered', 'left')
-    group by instance_name order by instance_name
-"""
-COMPLEX_SUMS = """
-    select type, count(*) from semap.event where seq > %s and cause is null group by type order by type
-"""
+PAGE = 1000
 
 
 def demo(
@@ -103,7 +91,8 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
     from semap_ingest.replay import Plan, replay  # noqa: PLC0415
     from semap_ingest.track_file import fingerprint, read_tracks  # noqa: PLC0415
 
-    from semap.store.database import connect  # noqa: PLC0415
+    from semap.store.database import listen, one_session, wait_for_notice  # noqa: PLC0415
+    from semap.store.events import newest_event  # noqa: PLC0415
 
     _bring_in(dsn, scene)
     tracks = read_tracks(scene.tracks, scene.layout)
@@ -113,24 +102,27 @@ def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) ->
     typer.echo(f"   Replaying {what}, {length_s:.0f} s, {speed}:")
     identity = fingerprint(scene.tracks, scene.layout)
     plan = Plan(scene.name, "recording", str(scene.tracks), identity, realtime=pace)
-    with connect(dsn, "semap_read", application="semap demo") as reader:
-        reader.execute("listen semap_event")
-        first = last = _last_event(reader)
+    with (
+        one_session(dsn, "semap_read", application="semap demo") as engine,
+        listen(dsn, "semap_event", "semap_read", application="semap demo") as listening,
+    ):
+        with engine.begin() as connection:
+            first = last = newest_event(connection)
         writer = Thread(target=replay, args=(dsn, plan, tracks), daemon=True)
         writer.start()
         quiet_s = time.monotonic()
-        while writer.is_alive() or not _all_made(reader, scene.name):
-            next(iter(reader.notifies(timeout=0.2, stop_after=1)), None)
+        while writer.is_alive() or not _all_made(engine, scene.name):
+            wait_for_notice(listening, WAKE_S)
             supervisor.check()
-            before, last = last, _print_events(reader, scene, first, last)
+            before, last = last, _print_events(engine, scene, first, last)
             if writer.is_alive() or last > before:
                 quiet_s = time.monotonic()
             elif time.monotonic() > quiet_s + CAUGHT_UP_S:
                 raise DatabaseError("The rule worker makes no events.", "Run again with `semap -v demo`.")
-        last = _print_events(reader, scene, first, last)
+        last = _print_events(engine, scene, first, last)
         if last - first > scene.shown:
             typer.echo(f"   ... and {last - first - scene.shown} more events.")
-        _print_sums(reader, first)
+        _print_sums(engine, first)
     return last
 
 
@@ -168,42 +160,35 @@ def _bring_in(dsn: str, scene: Scene) -> None:
         typer.echo(f"   {len(states.states)} states of doors brought in.")
 
 
-def _print_sums(reader: psycopg.Connection, first: int) -> None:
+def _all_made(engine: Engine, map_name: str) -> bool:
+    from semap.store.status import are_events_made  # noqa: PLC0415
+
+    with engine.begin() as connection:
+        return are_events_made(connection, map_name)
+
+
+def _print_sums(engine: Engine, first: int) -> None:
     """How many tracks entered and left each room, and how often what rules look for was found."""
-    for room, entered, left in reader.execute(SUMS, [first]).fetchall():
-        typer.echo(f"   {room}: entered {entered}, left {left}")
-    for kind, count in reader.execute(COMPLEX_SUMS, [first]).fetchall():
-        typer.echo(f"   {kind}: {count}")
+    from semap.store.status import sum_types, sum_visits  # noqa: PLC0415
+
+    with engine.begin() as connection:
+        for room, entered, left in sum_visits(connection, first):
+            typer.echo(f"   {room}: entered {entered}, left {left}")
+        for kind, count in sum_types(connection, first):
+            typer.echo(f"   {kind}: {count}")
 
 
-def _print_events(reader: psycopg.Connection, scene: Scene, first: int, last: int) -> int:
-    from semap_service.cli.events import sentence  # noqa: PLC0415
+def _print_events(engine: Engine, scene: Scene, first: int, last: int) -> int:
+    from semap.store.events import list_events  # noqa: PLC0415
+    from semap_service.cli.events import row_of, sentence  # noqa: PLC0415
 
-    cursor = reader.execute(SINCE, [last])
-    columns = [column.name for column in cursor.description or ()]
-    for row in cursor.fetchall():
-        event = dict(zip(columns, row, strict=True))
-        last = event["seq"]
-        if last - first <= scene.shown:
-            typer.echo(f"   {sentence(event)}")
+    with engine.begin() as connection:
+        while page := list_events(connection, after=last, limit=PAGE):
+            for event in page:
+                last = event.seq
+                if last - first <= scene.shown:
+                    typer.echo(f"   {sentence(row_of(event, {}))}")
     return last
-
-
-def _last_event(reader: psycopg.Connection) -> int:
-    row = reader.execute("select event_seq from semap.progress").fetchone()
-    return int(row[0]) if row else 0
-
-
-def _all_made(reader: psycopg.Connection, map_name: str) -> bool:
-    """Whether the rule worker has read all that is known of the map."""
-    row = reader.execute(
-        "select (select count(*) from semap.relation_change where map_id = m.map_id)"
-        " = (select count(*) from semap.event where map_id = m.map_id and cause is not null)"
-        " and not exists (select from semap.pending_row w where w.map_id = m.map_id)"
-        " from semap.map m where m.name = %s",
-        [map_name],
-    ).fetchone()
-    return bool(row and row[0])
 
 
 def _say_what_next(events: int, scenes: int, port: int, stay: bool) -> None:
@@ -216,4 +201,4 @@ def _say_what_next(events: int, scenes: int, port: int, stay: bool) -> None:
     own = "./dev demo --stay" if os.environ.get("SEMAP_DEV") else "semap demo --stay"
     typer.echo(f"   Where to look next:\n"
                f"     {own}    keeps the service up, to ask it about rooms and tracks\n"
-               f"     README.md            your own building and your own tracks")  # fmt: skip
+               f"     docs/tutorial.md     your own building and your own tracks")  # fmt: skip

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 Verify = Annotated[
     bool,
-    typer.Option("--verify", help="Compute all relations from nothing and compare them with what is stored."),
+    typer.Option("--verify", help="Recompute all relations and compare them with the stored ones."),
 ]
 OneMap = Annotated[
     str | None, typer.Option("--map", metavar="MAP", show_default=False, help="With --verify: only this map.")
 ]
 Repair = Annotated[
-    bool, typer.Option("--repair", help="With --verify: make what differs anew, while nobody writes.")
+    bool, typer.Option("--repair", help="With --verify: correct differences, while writers wait.")
 ]
 
 
@@ -33,13 +33,14 @@ def doctor(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Look whether all is well: the database, the flow of events, this machine. Say what to do where not.
+    """Check the database, the flow of events and this machine, with a remedy for each problem.
 
-    Each check is ok, warn (it works, but look after it) or wrong. Nothing is changed. Exit status 1 where
-    something is wrong.
+    Each check is ok, warn (it works, but needs attention) or wrong. Nothing is changed. The exit status is 1
+    if any check is wrong.
 
-    With --verify, it looks at relations instead: whether they are those that maps, queries and states give.
-    Writers go on meanwhile. With --repair as well, what differs is made anew; rules and clients are told.
+    With --verify, it recomputes all relations from maps, queries and states, and compares them with the
+    stored ones. Writers continue meanwhile. With --repair as well, differences are corrected, and logged as
+    changes.
     """
     if (repair and not verify) or (map_name is not None and not verify):
         raise typer.BadParameter("--map and --repair go with --verify.")

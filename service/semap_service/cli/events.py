@@ -19,7 +19,7 @@ from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
     import psycopg
-    from sqlalchemy import Connection, Engine
+    from sqlalchemy import Engine
 
     from semap.store.events import StoredEvent, Stretch
     from semap_service.database.event_selection import Selection
@@ -38,11 +38,9 @@ HUES = ("cyan", "green", "magenta", "yellow", "blue", "bright_red", "bright_cyan
 def events(
     follow: Annotated[
         bool,
-        typer.Option("--follow", "-f", help="Go on as new events happen, also after the server was gone."),
+        typer.Option("--follow", "-f", help="Continue with new events, also after a restart of the server."),
     ] = False,
-    after: Annotated[
-        int, typer.Option(help="Only events after this number: the last that you know.", min=0)
-    ] = 0,
+    after: Annotated[int, typer.Option(help="Only events after this number (the cursor).", min=0)] = 0,
     limit: Annotated[int, typer.Option(help="At most so many; 0 for all.", min=0)] = 0,
     map_name: Annotated[str | None, typer.Option("--map", help="Only events on this map.")] = None,
     kind: Annotated[str | None, typer.Option("--type", help="Only events of this type.")] = None,
@@ -52,13 +50,13 @@ def events(
         typer.Option(
             "--filter",
             metavar="CQL2",
-            help="Only events like this, such as \"track = 'ann' AND confidence > 0.8\".",
+            help="Only events that match this, such as \"track = 'ann' AND confidence > 0.8\".",
         ),
     ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show events, oldest first, each with its number: who entered or left which room, and when."""
+    """Show events, oldest first, each with its number, stamp, track and instance."""
     from semap_service.database.event_selection import Selection  # noqa: PLC0415
 
     selection = Selection(map_name, kind, rule, where)
@@ -102,6 +100,8 @@ class _Reader:
 
         raises  ServerUnavailable if the server does not answer, or went away
         """
+        from semap.store.database import wait_for_notice  # noqa: PLC0415
+
         with _listening(dsn) as (listener, engine):
             self.is_waiting = False
             while True:
@@ -110,7 +110,7 @@ class _Reader:
                     self.after = event.seq
                     if self.selection.takes(event):
                         self.shown += 1
-                        yield _row(event, stands)
+                        yield row_of(event, stands)
                         if self.shown == self.limit:
                             return
                 self.after = stretch.last
@@ -118,25 +118,24 @@ class _Reader:
                     continue
                 if not follow:
                     return
-                next(iter(listener.notifies(timeout=WAKE_S, stop_after=1)), None)
+                wait_for_notice(listener, WAKE_S)
 
 
 @contextmanager
 def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
-    from semap.store.database import connect, open_engine, translated  # noqa: PLC0415
+    from semap.store.database import listen, one_session, translated  # noqa: PLC0415
 
-    engine = open_engine(dsn, "semap_read", application="semap events", size=1)
-    try:
-        with connect(dsn, "semap_read", application="semap events") as connection, translated():
-            connection.execute("listen semap_event")
-            yield connection, engine
-    finally:
-        engine.dispose()
+    with (
+        one_session(dsn, "semap_read", application="semap events") as engine,
+        listen(dsn, "semap_event", "semap_read", application="semap events") as listener,
+        translated(),
+    ):
+        yield listener, engine
 
 
 def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch, Standing]:
     from semap.store.database import translated  # noqa: PLC0415
-    from semap.store.events import read_stretch  # noqa: PLC0415
+    from semap.store.events import numbers_of, read_stretch  # noqa: PLC0415
 
     with translated(), engine.begin() as connection:
         stretch = read_stretch(
@@ -147,18 +146,9 @@ def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch,
             event_type=selection.type,
             rule_name=selection.rule,
         )
-        return stretch, _numbers(connection, {each.amended_by for each in stretch.events if each.amended_by})
-
-
-def _numbers(connection: Connection, event_ids: set[UUID]) -> Standing:
-    from sqlalchemy import select  # noqa: PLC0415
-
-    from semap.store.tables import event  # noqa: PLC0415
-
-    if not event_ids:
-        return {}
-    found = connection.execute(select(event.c.event_id, event.c.seq).where(event.c.event_id.in_(event_ids)))
-    return {row.event_id: row.seq for row in found}
+        return stretch, numbers_of(
+            connection, {each.amended_by for each in stretch.events if each.amended_by}
+        )
 
 
 def _require_map(dsn: str, name: str) -> None:
@@ -169,7 +159,7 @@ def _require_map(dsn: str, name: str) -> None:
         get_map(connection, name)
 
 
-def _row(event: StoredEvent, stands: Standing) -> dict[str, Any]:
+def row_of(event: StoredEvent, stands: Standing) -> dict[str, Any]:
     """An event as JSON gives it; `amended_by` is the number of the event that stands in its place."""
     return {
         "seq": event.seq,

@@ -37,7 +37,7 @@ def import_file(
     ],
     name: Annotated[
         str | None,
-        typer.Option("--map", help="The map to import into. [default: what the file says, or its name]"),
+        typer.Option("--map", help="Map to import into. [default: named in the file, else as the file]"),
     ] = None,
     crs: Annotated[
         Coordinates | None,
@@ -50,7 +50,7 @@ def import_file(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Bring in a building or a whole map. All of it or nothing: a bad file changes nothing.
+    """Import a building or a whole map, all or nothing: a bad file changes nothing.
 
     A building goes into the map of the name, which is made if there is none. A map from YAML becomes a new
     map. A small one, written by hand:

@@ -14,7 +14,7 @@ from semap_service.cli.session import AsJson, Dsn, MapName, database
 
 
 def frames(map_name: MapName, as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """List the frames of a map: what stands on what, and where."""
+    """List the frames of a map, with parents and poses."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.frames import list_frames  # noqa: PLC0415
 
@@ -38,17 +38,15 @@ def frames(map_name: MapName, as_json: AsJson = False, dsn: Dsn = None) -> None:
 
 def transform(
     map_name: MapName,
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="Name of the frame to express things in.")],
-    source: Annotated[
-        str, typer.Argument(metavar="SOURCE", help="Name of the frame in which they are given.")
-    ],
+    target: Annotated[str, typer.Argument(metavar="TARGET", help="Name of the frame of the result.")],
+    source: Annotated[str, typer.Argument(metavar="SOURCE", help="Name of the frame whose pose is shown.")],
     at: Annotated[
         str | None, typer.Option(help="At this time (ISO 8601 with an offset, such as Z). [default: now]")
     ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show target_T_source: where one frame stands in another, now or at a past time.
+    """Show target_T_source: the pose of one frame in another, now or at a past time.
 
     semap map transform office map Table1 --at 2026-01-31T12:00:00Z
     """

@@ -16,8 +16,8 @@ def grid(
     file: Annotated[
         Path | None, typer.Argument(help="A grid as ROS's map_server writes it: the .yaml beside its .pgm.")
     ] = None,
-    name: Annotated[str | None, typer.Option(help="What to call it. [default: the file's name]")] = None,
-    remove: Annotated[str | None, typer.Option(metavar="NAME", help="Forget the grid of this name.")] = None,
+    name: Annotated[str | None, typer.Option(help="Its name. [default: the file's name]")] = None,
+    remove: Annotated[str | None, typer.Option(metavar="NAME", help="Remove the grid of this name.")] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:

@@ -17,14 +17,12 @@ ChangeId = Annotated[
 
 def history(
     map_name: MapName,
-    change: Annotated[
-        int | None, typer.Option("--change", help="Show what this change did, row by row.")
-    ] = None,
+    change: Annotated[int | None, typer.Option("--change", help="Show the rows of this change.")] = None,
     limit: Annotated[int, typer.Option(help="Show at most so many.", min=1, max=1000)] = 20,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show who changed a map and when, the newest change first."""
+    """Show the change sets of a map with author and time, the newest first."""
     from semap.store import history as kept  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
 
@@ -44,7 +42,7 @@ def history(
 
 
 def undo(change: ChangeId, as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """Take a change of a map back, whole. The undo is a change too, and can be undone in turn.
+    """Undo a change set of a map completely. The undo is a change set too, and can be undone.
 
     Refused where something of it was changed since: undo the later change first.
     """

@@ -26,7 +26,7 @@ MIRROR_WAIT_S = 10.0
 
 Timezone = Annotated[
     str | None,
-    typer.Option(help="Zone of ISO stamps that say none: Europe/Berlin, +01:00, UTC.", metavar="ZONE"),
+    typer.Option(help="Time zone of ISO stamps without one: Europe/Berlin, +01:00, UTC.", metavar="ZONE"),
 ]
 SkipBad = Annotated[
     bool, typer.Option("--skip-bad", help="Exit with status 0 though rows that cannot be used were left out.")
@@ -49,7 +49,7 @@ def tracks(
     map_name: Annotated[str, typer.Option("--map", help="The map on which the tracks move.")],
     source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
     track: Annotated[
-        str | None, typer.Option(help="The name of the one track, if no column tells it.")
+        str | None, typer.Option(help="The name of the only track, if there is no such column.")
     ] = None,
     names: Annotated[
         str | None, typer.Option(help="Names of the columns of a file without header: track,stamp,x,y,...")
@@ -76,11 +76,9 @@ def tracks(
     frame: Annotated[
         str | None, typer.Option(help="Frame of the positions, such as a storey; z is 0 in it if absent.")
     ] = None,
-    concept: Annotated[
-        str | None, typer.Option(help="What kind of thing each track is: a concept of the taxonomy.")
-    ] = None,
+    concept: Annotated[str | None, typer.Option(help="The concept of each track, from the taxonomy.")] = None,
     attributes: Annotated[
-        str | None, typer.Option(help='What else is known of each track, as JSON: \'{"shift": "night"}\'.')
+        str | None, typer.Option(help='Attributes of each track, as JSON: \'{"shift": "night"}\'.')
     ] = None,
     realtime: Annotated[
         float | None, typer.Option(help="Replay at the recording's pace times this factor.", min=0.001)
@@ -95,10 +93,10 @@ def tracks(
     log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
-    """Read finished tracks from a file into the database.
+    """Import finished tracks from a file.
 
-    Started again after a crash it goes on where it was; a file that is in already is not read twice.
-    Rows that cannot be used are left out and told; then the exit status is 1, unless --skip-bad.
+    After a crash, the same command continues where it was; a file that is already imported is not read twice.
+    Bad rows are left out and reported; then the exit status is 1, unless --skip-bad.
     """
     from semap_ingest.mirror import Follower, count_inside  # noqa: PLC0415
     from semap_ingest.replay import Plan, in_map_frame, replay  # noqa: PLC0415
@@ -188,11 +186,11 @@ def _tell_left_out(left_out: LeftOut) -> None:
 
 
 def _exit_by(left_out: LeftOut, skip_bad: bool) -> None:
-    """Status 1 where rows were left out that nobody said may be."""
+    """Exit with status 1 if rows were left out without --skip-bad."""
     if left_out.count and not skip_bad:
         typer.echo(
-            "All other rows are in. Mend those and bring them in as a file of their own, with the same"
-            " --source; or say that such rows may be left out: --skip-bad.",
+            "All other rows are imported. Correct these, and import them as a file of their own with the same"
+            " --source; or allow bad rows: --skip-bad.",
             err=True,
         )
         raise typer.Exit(1)
@@ -203,7 +201,7 @@ def objects(
     map_name: Annotated[str, typer.Option("--map", help="The map on which the objects are.")],
     source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
     property_name: Annotated[
-        str | None, typer.Option("--property", help="The property, if no column tells it: door.")
+        str | None, typer.Option("--property", help="The property, if there is no such column: door.")
     ] = None,
     names: Annotated[
         str | None,
@@ -223,8 +221,8 @@ def objects(
         bool,
         typer.Option(
             "--keep-open",
-            help="Do not say how far the source has come: rules wait with these states for the tracks of the"
-            " same time, which are brought in next.",
+            help="Send no watermark: rules wait with these states for the tracks of the same time, which"
+            " are imported next.",
         ),
     ] = False,
     skip_bad: SkipBad = False,
@@ -233,11 +231,10 @@ def objects(
     log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
-    """Read states of objects, such as doors that open and close, from a file into the database.
+    """Import states of objects, such as doors that open and close, from a file.
 
-    A row says that a property of an instance has a value from a stamp on. What is in already is passed over,
-    so that the command may be given again. Rows that cannot be used are left out and told; then the exit
-    status is 1, unless --skip-bad.
+    A row gives a property of an instance a value from a stamp on. Stored states are skipped, so that the
+    command may be repeated. Bad rows are left out and reported; then the exit status is 1, unless --skip-bad.
     """
     from semap_ingest.object_file import (  # noqa: PLC0415
         ObjectLayout,
@@ -293,7 +290,7 @@ def recording(
     camera_layout: Annotated[
         str | None,
         typer.Option(
-            help="What the detector's outputs are, where the file does not tell: yolov8, yolox, ..."
+            help="The layout of the detector's outputs, if the file is ambiguous: yolov8, yolox, ..."
         ),
     ] = None,
     camera_classes: Annotated[
@@ -308,7 +305,7 @@ def recording(
     ] = None,
     frame: Annotated[str, typer.Option(help="Frame of the recording that is the map's.")] = "map",
     floor_z: Annotated[float, typer.Option(help="Height of the floor in that frame [m].")] = 0.0,
-    images_hz: Annotated[float | None, typer.Option(help="Look at so many images a second.", min=0.1)] = None,
+    images_hz: Annotated[float | None, typer.Option(help="Images to process a second.", min=0.1)] = None,
     cuda: Annotated[
         bool, typer.Option("--cuda", help="Run the detector on a GPU (onnxruntime-gpu).")
     ] = False,
@@ -320,7 +317,7 @@ def recording(
         ),
     ] = None,
     realtime: Annotated[
-        float | None, typer.Option(help="Play at the recording's pace times this factor.", min=0.001)
+        float | None, typer.Option(help="Replay at the recording's pace times this factor.", min=0.001)
     ] = None,
     as_json: AsJson = False,
     log_format: LogFormatOption = LogFormat.TEXT,
@@ -329,10 +326,9 @@ def recording(
 ) -> None:
     """Find persons and doors in a recording of a camera and a 2D laser, and write them to the database.
 
-    Persons become tracks; what doors with a leaf do becomes states of them. Transforms (tf) must lead from
-    the sensors to the map's frame. `semap recording info FILE` lists what a recording holds. Started again
-    after a crash it goes on where it was. Where the recording, or one of its sensors, yields nothing, the
-    exit status is 1.
+    Persons become tracks; doors with a leaf get states. Transforms (tf) must lead from the sensors to the
+    map's frame. `semap recording info FILE` lists the content of a recording. After a crash, the same command
+    continues where it was. If the recording, or one of its sensors, has no results, the exit status is 1.
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
     from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
@@ -373,7 +369,7 @@ def recording(
     else:
         _print_ingested(done, map_name)
     if not done.is_whole:
-        typer.echo("Stopped before the end. Give the same command again, and it goes on.", err=True)
+        typer.echo("Stopped before the end. Run the same command again to continue.", err=True)
         raise typer.Exit(130)
     if done.fruitless:
         for each in done.fruitless:

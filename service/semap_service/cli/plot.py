@@ -160,7 +160,7 @@ def timeline(
         span = span_of(connection, map_name)
         if span is None and (start is None or end is None):
             raise InvalidInput(
-                "the map has no events yet", "Give --from and --to, or bring in movement.", map_name
+                "the map has no events yet", "Give --from and --to, or import tracks.", map_name
             )
         first, last = start or span[0], end or span[1]  # type: ignore[index]
         if last <= first:

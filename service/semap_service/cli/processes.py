@@ -19,7 +19,7 @@ WithoutTokens = Annotated[
     bool,
     typer.Option(
         "--without-tokens",
-        help="Whoever reaches the service may do everything; only for an address of this machine itself.",
+        help="Every client has all rights; only for a loopback address.",
     ),
 ]
 AllowOrigin = Annotated[
@@ -132,11 +132,10 @@ def revive_server(reminder: Reminder) -> None:
 def work(
     log_format: LogFormatOption = LogFormat.TEXT, log_level: LogLevelOption = None, dsn: Dsn = None
 ) -> None:
-    """Run the rule worker: it reads changes of relations off the log and writes events.
+    """Run the rule worker: it reads relation changes from the log and writes events.
 
-    One worker reads at a time; a second one waits and takes over. Once an hour it does what
-    `semap db maintain` does. It makes the continuous queries that are asked for in SQL, and rows of the
-    states that come as frames, and tells rules which sources have fallen silent.
+    One worker reads at a time; a second one stands by. Its background tasks run `semap db maintain` once an
+    hour, answer requests for queries in SQL, expand track batches to rows, and mark idle sources.
     """
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
@@ -175,7 +174,7 @@ def serve(
     from semap_service.jobs.runner import JobSettings  # noqa: PLC0415
     from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.processes.port import require_free  # noqa: PLC0415
-    from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
+    from semap_service.processes.supervisor import leave_when_told  # noqa: PLC0415
     from semap_service.serving.app import create_app  # noqa: PLC0415
     from semap_service.serving.uvicorn_server import serve as run  # noqa: PLC0415
     from semap_service.webhooks.delivery import WebhookSettings  # noqa: PLC0415
@@ -183,8 +182,8 @@ def serve(
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
     require_free(host, port)
+    leave_when_told()
     with database(dsn) as opened:
-        stop_signal()
         if not without_tokens:
             _say_how_to_make_a_token(opened)
         app = create_app(
@@ -201,13 +200,13 @@ def serve(
 
 
 def require_tokens(host: str, without_tokens: bool) -> None:
-    """raises InvalidInput where everybody on a network could do everything"""
+    """raises InvalidInput for an address other than loopback, where every client would have all rights"""
     from semap.errors import InvalidInput  # noqa: PLC0415
     from semap_service.access.loopback_host import is_loopback  # noqa: PLC0415
 
     if without_tokens and not is_loopback(f"[{host}]" if ":" in host else host):
         raise InvalidInput(
-            f"without tokens, everybody who reaches {host} could do everything",
+            f"without tokens, every client that reaches {host} would have all rights",
             "Listen on 127.0.0.1, or leave --without-tokens out and give tokens: semap token add NAME.",
             "--without-tokens",
         )
@@ -220,8 +219,8 @@ def _say_how_to_make_a_token(dsn: str) -> None:
     with one_transaction(dsn, "semap_admin") as connection:
         if not has_tokens(connection):
             typer.echo(
-                "Nobody has a token yet. Make one, which is shown once:\n"
+                "There is no token yet. Make one, which is shown once:\n"
                 "  semap token add me --scope admin\n"
-                "On this machine alone, `--without-tokens` lets everybody in.",
+                "On this machine alone, `--without-tokens` needs none.",
                 err=True,
             )

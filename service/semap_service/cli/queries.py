@@ -87,7 +87,7 @@ def _row(asked: Declaration, whole: bool) -> dict[str, Any]:
 
 def add(
     name: Annotated[str, typer.Argument(help="A name for the query.")],
-    map_name: Annotated[str, typer.Option("--map", help="The map it watches.")],
+    map_name: Annotated[str, typer.Option("--map", help="The map of the query.")],
     predicate: options.Predicate = "contains",
     concept: options.Concept = None,
     where: options.Where = None,
@@ -112,7 +112,7 @@ def add(
     sql: options.Sql = None,
     dsn: Dsn = None,
 ) -> None:
-    """Keep a relation of tracks or instances true, from now on. What holds now is noted at once.
+    """Maintain a relation of tracks or instances from now on. It begins with the present relations.
 
     semap query add near_room --map office --concept Room --predicate within_distance --distance 1
 
@@ -153,12 +153,12 @@ def add(
 
 
 def enable(query_id: QueryId, dsn: Dsn = None) -> None:
-    """Keep its relations true again, from the present state on."""
+    """Maintain its relations again, from the present state on."""
     _enable(query_id, True, dsn)
 
 
 def disable(query_id: QueryId, dsn: Dsn = None) -> None:
-    """Let its relations end, and keep none."""
+    """End its relations, and stop evaluating it."""
     _enable(query_id, False, dsn)
 
 
@@ -172,7 +172,7 @@ def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
 
 
 def delete(query_id: QueryId, dsn: Dsn = None) -> None:
-    """Delete a query that no rule listens to; its relations end."""
+    """Delete a query that no rule reads; its relations end."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import delete_query  # noqa: PLC0415
 
@@ -190,8 +190,10 @@ def now(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show what holds now, and since when; or what held at a time, until when and how long."""
-    relations.show(relations.Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
+    """Show the current relations with their beginning; or those as of a time, with end and duration."""
+    from semap.store.relation_spans import Chosen  # noqa: PLC0415
+
+    relations.show(Chosen(map_name, name, track, room, as_of=as_of), as_json, dsn)
 
 
 def watch(
@@ -203,11 +205,10 @@ def watch(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, an object a line.")] = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show what holds now, and then each change as it is committed: none is missed, none comes twice.
+    """Show the current relations, and then each change once, as it is committed.
 
-    `=` holds, `+` began, `-` ended, `x` crossed a line; when the boundary was crossed and, if that was later,
-    when it was known.
-    Where states came late, changes of the past are `added`, and some that were told before `retracted`.
+    `=` holds, `+` began, `-` ended, `x` crossed a line; with the transition time and, if it is later, the
+    stamp of confirmation. Late states correct the past: changes are `added`, and former ones `retracted`.
     """
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.queries import find_query  # noqa: PLC0415

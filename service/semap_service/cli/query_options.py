@@ -26,9 +26,9 @@ Predicate = Annotated[
 ]
 Concept = Annotated[str | None, typer.Option(help="Which objects, with the concepts below. [default: any]")]
 Where = Annotated[
-    str | None, typer.Option(help='Only objects of which this is true, in CQL2: "attributes.floor = 2".')
+    str | None, typer.Option(help='Only objects that satisfy this CQL2 condition: "attributes.floor = 2".')
 ]
-ObjectKind = Annotated[str, typer.Option("--object", help="What the objects are: instance, track.")]
+ObjectKind = Annotated[str, typer.Option("--object", help="Kind of the objects: instance, track.")]
 SubjectConcept = Annotated[
     str | None, typer.Option("--subject-concept", "--track-concept", help="Only subjects of this concept.")
 ]
@@ -37,10 +37,10 @@ SubjectWhere = Annotated[
     typer.Option(
         "--subject-where",
         "--track-where",
-        help="Only subjects of which this is true: \"source = 'camera'\".",
+        help="Only subjects that satisfy this: \"source = 'camera'\".",
     ),
 ]
-SubjectKind = Annotated[str, typer.Option("--subject", help="What the subjects are: track, instance.")]
+SubjectKind = Annotated[str, typer.Option("--subject", help="Kind of the subjects: track, instance.")]
 Distance = Annotated[
     float | None,
     typer.Option(
@@ -51,7 +51,7 @@ Distance = Annotated[
 Count = Annotated[int | None, typer.Option(help="Of nearest: how many.", min=1, max=100)]
 Angle = Annotated[
     float | None,
-    typer.Option(help="Of facing: how far the heading may be off [degrees].", min=0, max=180),
+    typer.Option(help="Of facing: the largest angle between heading and bearing [degrees].", min=0, max=180),
 ]
 Speed = Annotated[
     float | None, typer.Option(help="Of approaching: the distance falls so fast or faster [m/s].", min=0)
@@ -61,33 +61,33 @@ Direction = Annotated[
     typer.Option(help="Of crosses: left_to_right or right_to_left, seen along the line. [default: both]"),
 ]
 Abstraction = Annotated[
-    str, typer.Option(help="What of an instance is compared: Footprint, FootprintHull, Position2D ...")
+    str, typer.Option(help="Shape of an instance: Footprint, FootprintHull, Position2D ...")
 ]
-Flat = Annotated[bool, typer.Option("--flat", help="Heights do not count.")]
+Flat = Annotated[bool, typer.Option("--flat", help="Ignore heights.")]
 Debounced = Annotated[
-    bool, typer.Option("--debounce", help="Let flicker at the boundary not count: --margin 0.15, both ways.")
+    bool, typer.Option("--debounce", help="Suppress flicker at the boundary: --margin 0.15, both ways.")
 ]
 Margin = Annotated[
-    float | None, typer.Option(help="How far beyond the boundary counts as across, both ways [m].")
+    float | None, typer.Option(help="Distance from the boundary to the enter and leave thresholds [m].")
 ]
-Confirm = Annotated[
-    float | None, typer.Option(help="How long it has to stay across, both ways [s of event time].")
-]
+Confirm = Annotated[float | None, typer.Option(help="Confirmation time, both ways [s of event time].")]
 Probability = Annotated[
     float | None,
     typer.Option(
-        help="Begin where it is so probable, end where the opposite is: 0.9.", min=0.5, max=0.999999
+        help="Begin at this probability, end at this one of the opposite: 0.9.",
+        min=0.5,
+        max=0.999999,
     ),
 ]
 Between = Annotated[
     bool,
     typer.Option(
         "--between-samples",
-        help="Take the way between two samples as a straight line: exact times, no room is missed.",
+        help="Interpolate linearly between samples: exact transition times, no room is missed.",
     ),
 ]
-LongestGap = Annotated[float, typer.Option(help="No line over a longer pause than this [s].")]
-Fastest = Annotated[float, typer.Option(help="No line that asks for a higher speed [m/s].")]
+LongestGap = Annotated[float, typer.Option(help="Do not interpolate longer gaps [s].")]
+Fastest = Annotated[float, typer.Option(help="Do not interpolate higher speeds [m/s].")]
 Sql = Annotated[
     str | None,
     typer.Option(help="Instead of the sides and the predicate: a SELECT over the views of semap_query."),

@@ -21,7 +21,7 @@ def recompute(
         typer.Argument(parser=read_stamp, metavar="FROM", help="From then on, such as 2026-01-31T12:00:00Z."),
     ],
     end: Annotated[datetime, typer.Argument(parser=read_stamp, metavar="TO", help="Before then.")],
-    map_name: Annotated[str, typer.Option("--map", help="The map whose events are judged.")],
+    map_name: Annotated[str, typer.Option("--map", help="The map of the events.")],
     rules: Annotated[
         list[str] | None, typer.Option("--rule", help="Only this rule; may be given again. [default: all]")
     ] = None,
@@ -40,23 +40,21 @@ def recompute(
     acceleration: Annotated[
         float,
         typer.Option(
-            help="How freely tracks change their speed: noise density [m^2/s^3].", min=1e-6, max=1e6
+            help="Process noise of the acceleration of tracks: density [m^2/s^3].", min=1e-6, max=1e6
         ),
     ] = 0.5,
     std_m: Annotated[
-        float, typer.Option("--std", help="Of a position where the states say none [m].", min=1e-3, max=1e3)
+        float, typer.Option("--std", help="Of a position of a state without one [m].", min=1e-3, max=1e3)
     ] = 0.1,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would change, and change nothing.")
-    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the changes without making them.")] = False,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Compute relations and rules again over stored states, and judge the log of events by that.
+    """Recompute relations and rules over stored states, and give each event a verdict.
 
-    Tracks are smoothed over their whole length and edges are crossed between two states, on the map as it is
-    now. Each event of the span is then confirmed, amended (with a link to the event as it should have been)
-    or retracted; what the log lacks is added. Nothing is deleted, and the same again gives the same.
+    Tracks are smoothed over their whole length, and transition times are interpolated, on the map as it is
+    now. Each event of the time span is then confirmed, amended (with a link to the corrected event) or
+    retracted; missing events are added. Nothing is deleted, and a repetition gives the same result.
     """
     from semap.batch.recompute import Plan, recompute  # noqa: PLC0415
     from semap.batch.smoothing import Motion  # noqa: PLC0415

@@ -38,7 +38,7 @@ def dry_run(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show the events that a rule would have made of what is stored; nothing is written."""
+    """Show the events that a rule would have made over stored history; nothing is written."""
     from semap.store.database import connect  # noqa: PLC0415
     from semap.worker import past  # noqa: PLC0415
 
@@ -70,7 +70,7 @@ def explain(
     map_name: MapOfRule = None,
     dsn: Dsn = None,
 ) -> None:
-    """Say why a rule matched at a time, or how far it came and which condition failed."""
+    """Explain why a rule matched at a time, or how far it matched and which condition failed."""
     from semap.store.database import connect  # noqa: PLC0415
     from semap.worker.why import explain as explain_rule  # noqa: PLC0415
 
@@ -113,7 +113,7 @@ def learn(
 
 
 def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
-    """Give rows that came late to the rules, and add the events that are missing for want of them."""
+    """Evaluate late rows, and add the missing events."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import get_map  # noqa: PLC0415
     from semap.worker.late_replay import replay_late as replay  # noqa: PLC0415

@@ -136,7 +136,7 @@ def add(
     backfill: Backfill = None,
     dsn: Dsn = None,
 ) -> None:
-    """Add a rule. It is in force from its place in the log on, and with --backfill for the past, too.
+    """Add a rule. It applies to new rows, and with --backfill to stored ones, too.
 
     For example, both edges of a query in one declaration:
 
@@ -170,7 +170,7 @@ def replace(
     backfill: Backfill = None,
     dsn: Dsn = None,
 ) -> None:
-    """Let a rule declare something else, as its next version; what it gathered for the former is dropped."""
+    """Replace the declaration of a rule by a new version; the state of the former one is dropped."""
     from semap.store.rules import find_rule  # noqa: PLC0415
     from semap_service.database.rule_edit import backfill_stamp, replace_rule  # noqa: PLC0415
 
@@ -182,12 +182,12 @@ def replace(
 
 
 def enable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
-    """Let a rule make events again, from now on."""
+    """Enable a rule: it makes events from now on."""
     _enable(rule, map_name, True, dsn)
 
 
 def disable(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
-    """Let a rule make no events."""
+    """Disable a rule: it makes no events."""
     _enable(rule, map_name, False, dsn)
 
 
@@ -203,7 +203,7 @@ def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
 
 
 def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """Count the rows that came after the rules had gone on, by map and input."""
+    """Count late rows, which came behind the watermark, by map and input."""
     from semap.store.late_rows import count_late_rows  # noqa: PLC0415
 
     with _reading(dsn) as connection:

@@ -12,7 +12,7 @@ from semap_service.cli.output import counted, print_json
 from semap_service.cli.session import AsJson
 
 OFFICE = """
-Write a recording of a made-up office, with its map and the truth about it.
+Write a recording of a made-up office, with its map and the ground truth.
 
 A robot stands in the hallway and watches the doors with a camera and a laser; people open doors, enter rooms
 and leave them. FOLDER then holds recording.mcap (ROS 2), map/map.yaml and labels.json, which says when each

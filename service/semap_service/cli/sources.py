@@ -17,7 +17,7 @@ EVERY = "none"
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(no_args_is_help=True, help="Who brings in what is seen, and how far it is believed.")
+    app = typer.Typer(no_args_is_help=True, help="Sources of states, and their settings.")
     app.command("list")(list_all)
     app.command("set")(change)
     return app
@@ -28,7 +28,7 @@ def list_all(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """List the sources with their settings, and how much of each was set aside or came late."""
+    """List the sources with their settings, and their numbers of outliers and late states."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.maps import get_map  # noqa: PLC0415
     from semap.store.sources import list_sources  # noqa: PLC0415
@@ -42,7 +42,7 @@ def list_all(
 
 def change(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the source.")],
-    map_name: Annotated[str, typer.Option("--map", help="The map that it is of.")],
+    map_name: Annotated[str, typer.Option("--map", help="Its map.")],
     lateness: Annotated[
         float | None,
         typer.Option(
@@ -52,17 +52,18 @@ def change(
     jump: Annotated[
         str | None,
         typer.Option(
-            help="A position further from the last one than this [m], and --jump-speed for the time since, is"
-            " set aside until the next one agrees with it; none: every position is taken."
+            help="Outlier gate: a position further from the last one than this [m], plus --jump-speed, is"
+            " held back until the next one agrees with it; none: no gate."
         ),
     ] = None,
     jump_speed: Annotated[
-        float | None, typer.Option(help="What is added to it for the time between [m/s].", min=0)
+        float | None,
+        typer.Option(help="Added to --jump for each second since [m/s].", min=0),
     ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Believe a source further, or less, from its next states on.
+    """Change the outlier gate and the lateness of a source, from its next states on.
 
     semap source set lidar --map office --jump 5 --jump-speed 10 --lateness 2
     """

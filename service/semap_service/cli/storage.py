@@ -68,7 +68,8 @@ def retention(
         str | None, typer.Option(metavar="AGE", help="Drop the lines that sources saw.")
     ] = None,
     drop_changes_after: Annotated[
-        str | None, typer.Option(metavar="AGE", help="Drop what began and ended: who was where when.")
+        str | None,
+        typer.Option(metavar="AGE", help="Drop relation changes, the history of relations."),
     ] = None,
     drop_events_after: Annotated[
         str | None, typer.Option(metavar="AGE", help="Drop events, with their evidence and verdicts.")
@@ -101,14 +102,14 @@ def retention(
 
 
 def maintain(
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show the steps.")] = False,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Make partitions ahead, and drop what is old by `semap db retention`, now.
+    """Run maintenance now: make partitions ahead, and drop old data by `semap db retention`.
 
-    The rule worker does the same once an hour. It may be ended at any moment; what is in use is left for the
-    next time.
+    The rule worker does the same once an hour. It may be stopped at any moment; tables in use are left for
+    the next time.
     """
     from semap.store.maintenance import maintain as do_all  # noqa: PLC0415
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 UNITS = {"m": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1), "y": timedelta(days=365)}
 LONGEST = timedelta(days=365 * 100)
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="For what, or for whom.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="The name of its holder or use.")]
 
 
 def commands() -> typer.Typer:
@@ -34,7 +34,7 @@ def add(
         list[str] | None,
         typer.Option(
             "--scope",
-            help="read, write (maps, rules, imports), ingest (what sources say) or admin (all)."
+            help="read, write (maps, rules, imports), ingest (data of sources) or admin (all)."
             " More than once. [default: read]",
         ),
     ] = None,
@@ -49,7 +49,7 @@ def add(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Make a token. It is shown once, here: keep it."""
+    """Make a token. It is shown only this once."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.tokens import add_token  # noqa: PLC0415
 
@@ -87,7 +87,7 @@ def revoke(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the token, or its id.")],
     dsn: Dsn = None,
 ) -> None:
-    """Let a token be of no use any more. Its feeds and jobs are ended within seconds."""
+    """Revoke a token. Its feeds and jobs end within seconds."""
     from semap.errors import NotFound  # noqa: PLC0415
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.tokens import revoke_token, token_id_of  # noqa: PLC0415

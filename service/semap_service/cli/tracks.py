@@ -22,9 +22,7 @@ Number = Annotated[int, typer.Option(help="Only those after this number.", min=0
 
 
 def commands() -> typer.Typer:
-    app = typer.Typer(
-        no_args_is_help=True, help="Who is followed, and what trackers found that they had mistaken."
-    )
+    app = typer.Typer(no_args_is_help=True, help="Tracks, and corrections by their trackers.")
     app.command("list")(list_all)
     app.command("set")(describe)
     app.command("amendments")(amendments)
@@ -39,7 +37,7 @@ def list_all(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """List the tracks that live, with where they are and how much room they take."""
+    """List the live tracks, with position and extent."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.tracks import count_ended, list_tracks  # noqa: PLC0415
 
@@ -68,16 +66,14 @@ def describe(
     number: Annotated[
         int, typer.Argument(metavar="ID", help="Number of the track, as `semap track list` shows it.")
     ],
-    concept: Annotated[
-        str | None, typer.Option(help="What kind of thing it is; none: that is not known.")
-    ] = None,
+    concept: Annotated[str | None, typer.Option(help="Its concept; none: unknown.")] = None,
     attributes: Annotated[
-        str | None, typer.Option(help='What else is known of it, as JSON: \'{"kind": "forklift"}\'.')
+        str | None, typer.Option(help='Its attributes, as JSON: \'{"kind": "forklift"}\'.')
     ] = None,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Say what kind of thing a track is. Queries are about it, or no longer, from now on."""
+    """Set the concept and attributes of a track. Queries select it by them from now on."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.tracks import describe_track, get_track  # noqa: PLC0415
     from semap_service.cli.written_attributes import read_attributes  # noqa: PLC0415
@@ -93,18 +89,20 @@ def describe(
 
 def amendments(
     map_name: MapOption = None,
-    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on as new ones are found.")] = False,
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Continue with new ones.")] = False,
     after: Number = 0,
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Show which tracks were found out to be one person, or to have changed persons, oldest first."""
-    from semap.store.database import connect, open_engine  # noqa: PLC0415
+    """Show tracks that turned out to be one person, or that swapped persons, oldest first."""
+    from semap.store.database import listen, one_session, wait_for_notice  # noqa: PLC0415
     from semap.store.track_amendments import list_track_amendments  # noqa: PLC0415
 
-    with database(dsn) as opened, connect(opened, "semap_read", application="semap track") as listening:
-        listening.execute("listen semap_amendment")
-        engine = open_engine(opened, "semap_read", application="semap track", size=1)
+    with (
+        database(dsn) as opened,
+        one_session(opened, "semap_read", application="semap track") as engine,
+        listen(opened, "semap_amendment", "semap_read", application="semap track") as listening,
+    ):
         shown = 0
         while True:
             with engine.begin() as connection:
@@ -117,8 +115,7 @@ def amendments(
                 continue
             if not follow:
                 break
-            next(iter(listening.notifies(timeout=WAKE_S, stop_after=1)), None)
-        engine.dispose()
+            wait_for_notice(listening, WAKE_S)
         if not shown and not as_json:
             typer.echo("No amendments. Trackers of `semap ingest recording` make them.", err=True)
 

@@ -35,7 +35,7 @@ def add(
     event_type: Annotated[str | None, typer.Option("--type", help="Only events of this type.")] = None,
     rule: Annotated[str | None, typer.Option(help="Only events of this rule.")] = None,
     cql2: Annotated[
-        str | None, typer.Option("--filter", metavar="CQL2", help="Only events for which this is true.")
+        str | None, typer.Option("--filter", metavar="CQL2", help="Only events that match this.")
     ] = None,
     description: Annotated[str, typer.Option(help="For people.")] = "",
     as_json: AsJson = False,
@@ -76,7 +76,7 @@ def add(
 
 
 def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """List the webhooks, and how their deliveries go."""
+    """List the webhooks, and the state of their deliveries."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.webhooks import list_webhooks  # noqa: PLC0415
 
@@ -101,12 +101,12 @@ def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
 
 
 def pause(webhook: WebhookId, dsn: Dsn = None) -> None:
-    """Send nothing for a while. What happens meanwhile is sent afterwards."""
+    """Pause a webhook. Events of the meantime are sent after it is resumed."""
     _set_state(webhook, "paused", dsn)
 
 
 def resume(webhook: WebhookId, dsn: Dsn = None) -> None:
-    """Send again, also where semap disabled the webhook."""
+    """Resume a webhook, also one that semap disabled."""
     _set_state(webhook, "active", dsn)
 
 
@@ -126,7 +126,7 @@ def dead_letters(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """List events that the receiver did not take."""
+    """List events that the receiver did not accept."""
     from semap.store.database import one_transaction  # noqa: PLC0415
     from semap.store.webhooks import list_dead_letters  # noqa: PLC0415
 

@@ -146,7 +146,7 @@ class Editing:
         except NotFound as error:
             if not self.may_create:
                 raise
-            raise ChangedMeanwhile(f"{error} If-Match asks for one.", "Send it without If-Match.") from error
+            raise ChangedMeanwhile(f"{error} If-Match requires one.", "Send it without If-Match.") from error
         forms = present if isinstance(present, tuple) else (lambda: present,)
         if not any(names(self.if_match or "", etag_of(form())) for form in forms):
             raise ChangedMeanwhile(

@@ -63,7 +63,7 @@ def asyncapi(host: str, *, secure: bool) -> dict[str, Any]:
         "channels": {
             "events": _channel(
                 "/events/feed",
-                "Every event after a cursor in the order of their numbers, then new ones as they happen.",
+                "Every event after a cursor in the order of numbers, then new ones once committed.",
                 FEED,
                 query=QUERY,
             ),
@@ -73,7 +73,7 @@ def asyncapi(host: str, *, secure: bool) -> dict[str, Any]:
             },
         },
         "operations": {
-            "followEvents": _receives("events", "Follow what happens.", FEED),
+            "followEvents": _receives("events", "Follow events.", FEED),
             "watchMap": _receives("live", "Draw a map as it is now.", LIVE),
         },
         "components": {

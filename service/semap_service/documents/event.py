@@ -47,7 +47,7 @@ EXAMPLE: JsonDict = {
 
 
 class EventTrack(Document):
-    """Who it happened to."""
+    """The track of the event."""
 
     id: int
     name: str
@@ -90,12 +90,12 @@ class EventDocument(Document):
     since: Stamp = Field(
         description="When the relation began that began or ended here; of a pattern: its first row."
     )
-    key: dict[str, Any] = Field(description="What the rule's partition is about, by `partition_by`.")
-    measures: dict[str, Any] = Field(description="What the rule measures.")
-    confidence: float | None = Field(description="0 to 1, where the rule says how it falls.", ge=0, le=1)
+    key: dict[str, Any] = Field(description="The key of the rule's partition, by `partition_by`.")
+    measures: dict[str, Any] = Field(description="The measures of the rule.")
+    confidence: float | None = Field(description="0 to 1, where the rule has a `confidence`.", ge=0, le=1)
     by_batch: bool = Field(description="Whether the batch layer made it, from stored states.")
     verdict: Literal["confirmed", "retracted", "amended"] | None = Field(
-        description="What the batch layer found until the event was read; null where it has not looked."
+        description="The verdict of the batch layer when the event was read; null without one."
     )
     amended_by: UUID | None = Field(description="The event that stands in its place.")
     evidence: list[EvidenceDocument] = Field(description="The rows that made it, in their order.")

@@ -15,7 +15,7 @@ class DoorCount(Document):
 
 
 class ImportDocument(Document):
-    """What an import brought into the map, and what it had to change or leave out."""
+    """The result of an import, with repairs and omissions."""
 
     map: str = Field(examples=["office"])
     concepts: dict[str, int] = Field(

@@ -187,7 +187,7 @@ class NewInstance(Request):
 
 
 class InstanceChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     name: Name | None = None
     alias: Name | None = Field(None, description="null removes it.")
@@ -198,7 +198,7 @@ class InstanceChanges(Request):
     )
     frame: Name | None = Field(None, description="The frame that carries it from now on.")
     keep: Keep = Field(
-        "world", description="What a change of `frame` keeps: its place in the world, or its local pose."
+        "world", description="Kept by a change of `frame`: its place in the world, or its local pose."
     )
     pose: PoseDocument | None = Field(None, description="Moves it in the map frame, with what stands on it.")
     local_pose: LocalPose | None = None

@@ -12,17 +12,17 @@ from semap_service.documents.problem import Problem
 
 
 class JobDocument(Document):
-    """An import that runs beside the request that brought it."""
+    """An import that runs in the background."""
 
     job_id: int
     kind: Kind
-    map: str | None = Field(description="What it brings something into, where that was said.")
+    map: str | None = Field(description="The map of the import, where it was given.")
     file: str = Field(description="As its sender calls it.", examples=["office.ifc"])
     state: State
     progress: Annotated[float, AfterValidator(lambda part: round(part, 4))] = Field(ge=0, le=1)
-    message: str = Field(description="What it is doing.", examples=["120 of 300 objects read"])
+    message: str = Field(description="Its current step.", examples=["120 of 300 objects read"])
     result: dict[str, Any] | None = Field(
-        description="What the same request answers that waits; null: it is not done."
+        description="The response that a waiting request would get; null: it is not done."
     )
     problem: Problem | None = Field(description="The same, of one that failed.")
     created_by: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -15,9 +15,9 @@ import psycopg
 from semap_ingest.pipeline.ingest_recording import Ingested, Plan, ingest_recording
 from semap_ingest.pipeline.meter import Meter, no_meter
 
-from semap.errors import DatabaseError
+from semap.errors import DatabaseError, NotFound
 from semap.rules.language.reading import read_declaration
-from semap.store.database import connect, one_transaction
+from semap.store.database import connect, listen, one_transaction, wait_for_notice
 from semap.store.maps import delete_map
 from semap.store.rules import add_rule
 from semap.timeline.stamp import to_us
@@ -63,8 +63,7 @@ class Played:
 def set_the_stage(dsn: str, map_file: Path, name: str) -> None:
     """A map of this name from a file, with the rules of the office; one that was there is deleted first."""
     with one_transaction(dsn, "semap_api") as connection:
-        row = connection.exec_driver_sql("select 1 from semap.map where name = %s", (name,)).first()
-        if row is not None:
+        with suppress(NotFound):
             delete_map(connection, name)
         bring_in(connection, read_file(map_file), name, name)
         for text in office_rules():
@@ -125,7 +124,7 @@ def wait_for_rules(dsn: str) -> None:
             if row and row[0]:
                 return
             Signal().wait(POLL_S)
-    raise DatabaseError("The rule worker does not keep up.", "See what `semap work` says.")
+    raise DatabaseError("The rule worker does not keep up.", "See the log of `semap work`.")
 
 
 def _listen(
@@ -136,8 +135,7 @@ def _listen(
     ready: Signal,
     over: Signal,
 ) -> None:
-    with connect(dsn, "semap_read", application="semap evaluate") as connection:
-        connection.execute("listen semap_event")
+    with listen(dsn, "semap_event", "semap_read", application="semap evaluate") as connection:
         last = _last(connection)
         ready.set()
         while True:
@@ -153,7 +151,7 @@ def _listen(
                     shown(event)
             if is_over:
                 return
-            next(iter(connection.notifies(timeout=POLL_S, stop_after=1)), None)
+            wait_for_notice(connection, POLL_S)
 
 
 def _last(connection: psycopg.Connection) -> int:

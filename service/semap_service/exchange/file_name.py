@@ -20,5 +20,5 @@ def file_name(upload: UploadFile) -> str:
     name = PurePath((upload.filename or "").replace("\x00", "")).name
     suffix = PurePath(name).suffix
     if not suffix[1:].isalnum() or not suffix.isascii() or len(suffix) > LONGEST_SUFFIX:
-        raise InvalidInput("a file whose name does not say its format", "Name it as map.zip or office.ifc.")
+        raise InvalidInput("a file whose name has no known ending", "Name it as map.zip or office.ifc.")
     return name[-LONGEST_NAME:]

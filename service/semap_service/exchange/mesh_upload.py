@@ -12,11 +12,11 @@ from semap_service.http.body_limit import LIMIT_BYTES
 
 Unit = Annotated[
     Literal["file", "m", "cm", "mm", "inch", "foot"] | None,
-    Form(description="What the file's lengths are. [default: what the format or file says, else metres]"),
+    Form(description="The unit of the file's lengths. [default: of the format or file, else metres]"),
 ]
 UpAxis = Annotated[
     Literal["x", "y", "z"] | None,
-    Form(description="Which axis of the file points up. [default: what the format or file says, else z]"),
+    Form(description="The axis of the file that points up. [default: of the format or file, else z]"),
 ]
 
 

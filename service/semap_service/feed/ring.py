@@ -28,7 +28,7 @@ import psycopg
 from sqlalchemy import Engine
 
 from semap.errors import SemapError, ServerUnavailable
-from semap.store.database import connect, translated
+from semap.store.database import connect, listen, translated
 from semap.store.events import StoredEvent, newest_event, read_stretch, take_events, take_newest
 from semap.store.patience import Reminder
 from semap_service.database.event_selection import Selection
@@ -344,10 +344,8 @@ class Feed:
             self._reading = None
 
     def _listen(self) -> psycopg.Connection:
-        self._listener = connect(self._dsn, ROLE, application="semap feed")
-        with translated():
-            self._listener.execute("listen semap_event")
-            self._reading = connect(self._dsn, ROLE, application="semap feed")
+        self._listener = listen(self._dsn, "semap_event", ROLE, application="semap feed")
+        self._reading = connect(self._dsn, ROLE, application="semap feed")
         return self._listener
 
     def _own_connection(self) -> psycopg.Connection:

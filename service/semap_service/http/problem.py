@@ -69,8 +69,8 @@ REMEDIES = {
 }
 
 MEANING = {
-    HTTPStatus.NOT_FOUND: "What was named does not exist.",
-    HTTPStatus.CONFLICT: "What was asked for contradicts what is already there.",
+    HTTPStatus.NOT_FOUND: "The named resource does not exist.",
+    HTTPStatus.CONFLICT: "The request conflicts with the current state.",
     HTTPStatus.PRECONDITION_FAILED: "It is no longer what If-Match names: read it again.",
     HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The body is larger than the service takes.",
     HTTPStatus.UNPROCESSABLE_ENTITY: "A value that semap cannot use; `errors` names the places.",
@@ -83,8 +83,8 @@ MEANING = {
     HTTPStatus.REQUEST_URI_TOO_LONG: "The URL is longer than the service takes.",
     HTTPStatus.MISDIRECTED_REQUEST: "A service without tokens was called by a name of another machine.",
     HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE: "The headers are larger than the service takes.",
-    HTTPStatus.GATEWAY_TIMEOUT: "It takes the database too long; ask for less.",
-    HTTPStatus.TOO_MANY_REQUESTS: "Too many requests, or too much open at once; Retry-After says when.",
+    HTTPStatus.GATEWAY_TIMEOUT: "It takes the database too long; request less.",
+    HTTPStatus.TOO_MANY_REQUESTS: "Too many requests or open connections; wait as long as Retry-After says.",
 }
 
 
@@ -199,7 +199,7 @@ async def _validation_error(request: Request, error: Exception) -> JSONResponse:
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "; ".join(f"{each.where}: {each.message}" for each in wrong[:3]),
         kind="invalid-input",
-        remedy="Correct what `errors` names; /openapi.json says what is expected.",
+        remedy="Correct what `errors` lists; /openapi.json has the schema.",
         errors=wrong,
         more_errors=more,
     )
@@ -229,7 +229,7 @@ async def unexpected(request: Request, error: Exception) -> JSONResponse:
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "Something went wrong inside semap.",
         kind="internal",
-        remedy="The log of the service says what; please report it.",
+        remedy="The log of the service has the error; please report it.",
     )
 
 

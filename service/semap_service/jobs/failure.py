@@ -44,7 +44,7 @@ def unexpected(job_id: int) -> dict[str, Any]:
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "internal",
         "Something went wrong inside semap.",
-        "The log of the service says what; please report it.",
+        "The log of the service has the error; please report it.",
     )
 
 
@@ -53,7 +53,7 @@ def stopped(job_id: int) -> dict[str, Any]:
         job_id,
         HTTPStatus.SERVICE_UNAVAILABLE,
         "job-lost",
-        "The service was stopped before the job was done; nothing of it was brought in.",
+        "The service was stopped before the job was done; nothing was imported.",
         "Send the file again.",
     )
 
@@ -65,7 +65,7 @@ def died(job_id: int, status: int) -> dict[str, Any]:
         job_id,
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "job-lost",
-        f"The job's process {how} before it was done; nothing of it was brought in.",
+        f"The job's process {how} before it was done; nothing was imported.",
         "Send the file again; where that does not help it is too large for the memory, or damaged.",
     )
 

@@ -156,7 +156,7 @@ def _of_database(figures: Figures) -> Iterator[Metric]:
 
 
 def _of_slots(figures: Figures) -> Iterator[Metric]:
-    active = GaugeMetricFamily("semap_slot_active", "Whether somebody reads the slot.", labels=["slot"])
+    active = GaugeMetricFamily("semap_slot_active", "Whether a process reads the slot.", labels=["slot"])
     behind = GaugeMetricFamily(
         "semap_slot_lag_bytes", "How much of the log its reader has not confirmed.", labels=["slot"]
     )
@@ -193,16 +193,14 @@ def _of_worker(figures: Figures) -> Iterator[Metric]:
 
 
 def _of_sources(figures: Figures) -> Iterator[Metric]:
-    received = CounterMetricFamily(
-        "semap_received", "What sources have brought in.", labels=["map", "source", "kind"]
-    )
+    received = CounterMetricFamily("semap_received", "Input by source.", labels=["map", "source", "kind"])
     late = CounterMetricFamily(
         "semap_late_states",
         "States that came after the present of what they are about.",
         labels=["map", "source"],
     )
     received_at = _per_source("received_timestamp_seconds", "When something last came in.")
-    watermark = _per_source("watermark_timestamp_seconds", "Up to which stamp a source has said all.")
+    watermark = _per_source("watermark_timestamp_seconds", "The watermark of a source.")
     silent = _per_source("silent", "Whether rules wait for it no more, since it is idle or has ended.")
     for source in figures.sources:
         labels = [source.map, source.name]

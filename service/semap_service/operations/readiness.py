@@ -78,8 +78,8 @@ def lacks(connection: Connection, feed_connected: bool) -> list[Lack]:
 def _why_not(state: WorkerState) -> str:
     since = "" if state.silent_s is None else f", and was last at work {state.silent_s:.0f} s ago"
     if not state.has_reader:
-        return f"does not run, or cannot do its work{since}: start semap work, or see what it says"
-    return f"runs and makes no progress{since}: see what it says, and start it again if it hangs"
+        return f"does not run, or cannot do its work{since}: start semap work, or see its log"
+    return f"runs and makes no progress{since}: see its log, and restart it if it hangs"
 
 
 def _write_fault(connection: Connection) -> list[Lack]:

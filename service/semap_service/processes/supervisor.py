@@ -8,10 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from threading import Event as Signal
 from threading import Thread
+from types import FrameType
 
 log = logging.getLogger(__name__)
 
@@ -19,6 +20,7 @@ FIRST_RETRY_S = 0.2
 LAST_RETRY_S = 10.0
 STEADY_S = 10.0
 STOP_S = 10.0
+WATCH_S = 0.5
 PARENT_VARIABLE = "SEMAP_PARENT"
 
 
@@ -97,16 +99,31 @@ class Supervisor:
 def stop_signal() -> Signal:
     """Set when this process is asked to end, or when the supervisor that started it is gone."""
     stop = Signal()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    parent = os.environ.get(PARENT_VARIABLE)
-    if parent is not None:
-        Thread(target=_watch_parent, args=(int(parent), stop), daemon=True).start()
+    _when_told_to_end(lambda *_: stop.set())
     return stop
 
 
-def _watch_parent(parent: int, stop: Signal) -> None:
+def leave_when_told() -> None:
+    """Let this process leave, through all that it has opened, where `stop_signal` would be set."""
+    _when_told_to_end(_leave)
+
+
+def _when_told_to_end(act: Callable[[int, FrameType | None], None]) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, act)
+    parent = os.environ.get(PARENT_VARIABLE)
+    if parent is not None:
+        Thread(target=_watch_parent, args=(int(parent),), daemon=True).start()
+
+
+def _leave(*_: object) -> None:
+    # Told again, what is being closed is still closed; Ctrl-C ends that.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    raise SystemExit(0)
+
+
+def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
-        if stop.wait(0.5):
-            return
+        time.sleep(WATCH_S)
     os.kill(os.getpid(), signal.SIGTERM)

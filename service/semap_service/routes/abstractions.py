@@ -32,7 +32,7 @@ class AbstractionDocument(Document):
     """One abstraction: flat ones and positions as GeoJSON, solids as a closed surface."""
 
     type: str = Field(examples=["FootprintHull"])
-    crs: str | None = Field(description="null: metres in the frame that was asked for.")
+    crs: str | None = Field(description="null: metres in the requested frame.")
     geometry: ShapeDocument
     band: BandDocument | None = Field(description="Heights; null: it has none, or holds at every height.")
 

@@ -27,14 +27,14 @@ class AnchorDocument(Request):
 
 @router.get(WHERE, operation_id="get_anchor", responses=reads(404))
 def get_anchor(database: Database, name: str) -> AnchorDocument:
-    """Where on the earth a map lies; 404 where nobody has said it."""
+    """The anchor of a map, its place on the earth; 404 without one."""
     with transaction(database) as connection:
         return _read(connection, name)
 
 
 @router.put(WHERE, operation_id="put_anchor", responses=edits(404))
 def put_anchor(edit: Edit, name: str, anchor: AnchorDocument) -> AnchorDocument:
-    """Say where on the earth a map lies; shapes can be asked for there from then on (`crs`)."""
+    """Set the anchor of a map; from then on shapes are available in other systems (`crs`)."""
     with edit.begin(lambda connection: _read(connection, name)) as connection:
         set_anchor(connection, name, Anchor(anchor.epsg, anchor.pose.pose()))
         return _read(connection, name)

@@ -25,7 +25,7 @@ Iris = Annotated[
     list[Annotated[str, Field(max_length=2000, pattern=r"^[a-z][a-z0-9+.-]*:[^\x00]*$")]],
     Field(
         max_length=50,
-        description="What it is called elsewhere: IFC, BOT, Brick.",
+        description="IRIs in other vocabularies: IFC, BOT, Brick.",
         examples=[["https://w3id.org/bot#Space"]],
     ),
 ]
@@ -40,7 +40,7 @@ AttributeSchema = Annotated[
 
 
 class ConceptDocument(Document):
-    """A kind of thing."""
+    """A class of the taxonomy."""
 
     name: str = Field(examples=["Room"])
     parents: list[str] = Field(description="Concepts right above it; none for the root only.")
@@ -65,7 +65,7 @@ class NewConcept(Request):
 
 
 class ConceptChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     parents: Parents | None = None
     iris: Iris | None = None
@@ -88,7 +88,7 @@ def list_concepts(
         str, Query(max_length=200, pattern=r"^[^\x00]*$", description="Go on after this name.")
     ] = "",
 ) -> ConceptList:
-    """The taxonomy: what kinds of things there are, and what they are kinds of."""
+    """The taxonomy: concepts and their parents."""
     with transaction(database) as connection:
         found = concept.list_concepts(connection, after=after, limit=limit)
     return ConceptList(
@@ -99,7 +99,7 @@ def list_concepts(
 
 @router.post("/concepts", operation_id="create_concept", status_code=201, responses=problems(409))
 def create_concept(write: Write, new: NewConcept, response: Response) -> ConceptDocument:
-    """Make a concept below others. What is asked of a concept holds for those below it."""
+    """Make a concept below others. A query for a concept includes those below it."""
     wanted = concept.Concept(
         0, new.name, tuple(new.parents), tuple(new.iris), new.comment, new.attribute_schema
     )

@@ -58,9 +58,9 @@ def list_doors(
     limit: Limit = 100,
     after: After = 0,
 ) -> DoorList:
-    """Doors that have a leaf, and how they stand.
+    """Doors that have a leaf, with their states.
 
-    A door without a leaf is an opening and has no state. What any door was told to be is in /object-states.
+    A door without a leaf is an opening and has no state. Reported states of any door are in /object-states.
     """
     with transaction(database) as connection:
         if map_name is not None:

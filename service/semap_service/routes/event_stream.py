@@ -88,11 +88,10 @@ async def stream_events(
     ] = None,
     envelope: EnvelopeName = None,
 ) -> Response:
-    """Events as they happen, as server-sent events.
-
-    First comes a message `hello`, which says what resuming gave; then each event as a message without a name,
-    its number as the `id`. A client that comes back with `Last-Event-ID` goes on after that event. Silence is
-    filled with comments. A client that does not take what it is sent gets `too_slow`, and the stream ends.
+    """Events as they are committed, as server-sent events.
+    The first message is `hello`, with the outcome of resuming; then each event is a message without a name,
+    its number as the `id`. A client that reconnects with `Last-Event-ID` resumes after that event. Without
+    events, the stream sends comments. A client that reads too slowly gets `too_slow`, and the stream ends.
     """
     feed: Feed = request.app.state.feed
     begun = cursor_of(last_event_id, "Last-Event-ID") if last_event_id else after

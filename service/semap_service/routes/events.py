@@ -123,7 +123,7 @@ def get_event_schema(request: Request) -> Response:
     responses=problems(),
 )
 def get_asyncapi(request: Request) -> Response:
-    """What the feeds send (AsyncAPI 3.0)."""
+    """The messages of the feeds (AsyncAPI 3.0)."""
     return JSONResponse(asyncapi(request.url.netloc, secure=request.url.scheme == "https"))
 
 

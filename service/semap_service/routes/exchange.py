@@ -68,11 +68,13 @@ def import_file(
     response: Response,
     name: Annotated[
         Name | None,
-        Query(pattern=r"^[^/\x00]*$", description="Of the map. [default: what the file says, or its name]"),
+        Query(
+            pattern=r"^[^/\x00]*$", description="Of the map. [default: named in the file, else as the file]"
+        ),
     ] = None,
     crs: Annotated[
         Coordinates | None,
-        Query(description="What the coordinates of GeoJSON are. [default: as the file shows]"),
+        Query(description="The unit of GeoJSON's coordinates. [default: found from the file]"),
     ] = None,
 ) -> ImportDocument | Response:
     """Bring in a map or a building, all of it or nothing.
@@ -137,7 +139,7 @@ def export(
         ExportFormat,
         Query(
             description="yaml: the whole map without loss, a zip of map.yaml and meshes; "
-            "glb: what it looks like; geojson: its outlines."
+            "glb: its meshes; geojson: its outlines."
         ),
     ] = "yaml",
     crs: Crs = None,

@@ -59,12 +59,12 @@ class NewFrame(Request):
 
 
 class FrameChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     name: Name | None = None
     parent: Name | None = Field(None, description="The frame to put it below; null makes it a root.")
     keep: frames.Keep = Field(
-        "world", description="What a change of parent keeps: its place in the world, or its local pose."
+        "world", description="Kept by a change of parent: its place in the world, or its local pose."
     )
     pose: ParentPose | None = Field(None, description="Its static pose in its parent, after all else.")
 
@@ -125,7 +125,7 @@ def create_frame(write: Write, name: str, new: NewFrame, response: Response) -> 
 def get_transform(
     database: Database,
     name: str,
-    target: Annotated[Name, Query(description="Name of the frame to express things in.")],
+    target: Annotated[Name, Query(description="Name of the frame of the result.")],
     source: Annotated[Name, Query(description="Name of the frame in which they are given.")],
     at: At = None,
 ) -> TransformDocument:
@@ -146,7 +146,7 @@ def get_frame(database: Database, id: Id) -> FrameDocument:  # noqa: A002
 
 @router.patch("/frames/{id}", operation_id="change_frame", responses=edits(404, 409))
 def change_frame(edit: Edit, id: Id, changes: FrameChanges) -> FrameDocument:  # noqa: A002
-    """Rename a frame, put it below another one, or move it. What stands on it moves with it."""
+    """Rename a frame, put it below another one, or move it. Its child frames and instances move with it."""
     with edit.begin(lambda connection: _read(connection, id)) as connection:
         if changes.name is not None:
             frames.rename_frame(connection, id, changes.name)

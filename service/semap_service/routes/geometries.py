@@ -80,7 +80,7 @@ def put_geometry_mesh(
     mesh: Annotated[
         UploadFile,
         File(
-            description="A mesh file, as the ending of its name says; at most 64 MiB, or with "
+            description="A mesh file, of the format of its ending; at most 64 MiB, or with "
             "`Prefer: respond-async` 256 MiB."
         ),
     ],

@@ -33,7 +33,7 @@ GridName = Annotated[str, InPath(min_length=1, max_length=200, pattern=r"^[^/\x0
 
 
 class GridDocument(Document):
-    """An occupancy grid, as map_server describes it; its pixels are asked for as PGM."""
+    """An occupancy grid, as map_server describes it; its pixels are available as PGM."""
 
     name: str = Field(examples=["floor_1"])
     resolution_m: float = Field(description="Side of a pixel.", examples=[0.05])
@@ -84,7 +84,7 @@ def get_grid(
     name: str,
     grid: GridName,
     format: Annotated[  # noqa: A002
-        Literal["json", "pgm"] | None, Query(description="What it is, or its pixels. [default: by Accept]")
+        Literal["json", "pgm"] | None, Query(description="Metadata or pixels. [default: by Accept]")
     ] = None,
 ) -> GridDocument | Response:
     """An occupancy grid: where it lies, or (pgm) its pixels."""
@@ -101,7 +101,7 @@ def put_grid(
     edit: Edit,
     name: str,
     grid: GridName,
-    image: Annotated[UploadFile, File(description="The image, PGM, under the name that the YAML file says.")],
+    image: Annotated[UploadFile, File(description="The image, PGM, under the name in the YAML file.")],
     yaml: Annotated[UploadFile, File(description="The YAML file that map_server writes beside it.")],
 ) -> GridDocument:
     """Add a grid to a map, or replace the one of this name, from the two files that map_server writes."""

@@ -29,7 +29,7 @@ class WorkerHealth(Document):
     running: bool = Field(description="Whether a worker reads the log and is at work.")
     lag_bytes: int = Field(description="How much of the log it has not confirmed.")
     silent_s: float | None = Field(
-        description="Since it last said that it is at work, which it does each five seconds; null: never yet."
+        description="Since its last heartbeat, one each five seconds; null: none yet."
     )
 
 
@@ -77,11 +77,10 @@ def get_health(request: Request) -> Health:
 
 @router.get("/ready", operation_id="get_ready", response_model=Ready, responses=problems())
 def get_ready(request: Request) -> Ready | Response:
-    """Whether the service does all of its work; else 503, with what is missing in `errors`.
-
-    The database answers, its schema is this semap's, new events are pushed, and a rule worker makes them: it
-    reads the log, and has said within half a minute that it is at work. Where it has not, what the database
-    says when it is to write is told, too.
+    """Readiness: whether all parts of the service work; else 503, with the missing parts in `errors`.
+    The database answers, its schema has this version, new events are pushed, and a rule worker makes them: it
+    reads the log, and sent a heartbeat within half a minute. If it did not, the response includes the error
+    of the database, if it cannot write.
     """
     with acting_as(SYSTEM, statement_s=STATEMENT_S), transaction(request.app.state.watch) as connection:
         missing = lacks(connection, request.app.state.feed.connected)

@@ -34,9 +34,9 @@ class ChangeList(Document):
 
 
 class RowChangeDocument(Document):
-    """What was made, changed or deleted."""
+    """A row that was made, changed or deleted."""
 
-    table: str = Field(description="What kind of thing.", examples=["instance"])
+    table: str = Field(description="The kind of row.", examples=["instance"])
     name: str = Field(description="Its name, or its key where it has none.", examples=["Room07"])
     action: Literal["made", "changed", "deleted"]
 

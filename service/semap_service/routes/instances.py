@@ -46,7 +46,7 @@ from semap_service.jobs.acceptance import Later, or_later
 router = APIRouter(tags=["instances"], route_class=TaggedRoute)
 
 MESH = (
-    "A mesh in the instance's own frame, in the format that the ending of the file's name says. "
+    "A mesh in the instance's own frame, in the format of the file's ending. "
     "Without textures; at most 64 MiB."
 )
 AsOf = Annotated[InStamp | None, Query(description="As it was at this time (RFC 3339). [default: now]")]
@@ -66,7 +66,7 @@ def list_instances(
     limit: Limit = 100,
     after: After = 0,
 ) -> InstanceList:
-    """What is on the maps, in the order of ids. With `as_of`: what was on one map at a time."""
+    """The instances of the maps, in the order of ids. With `as_of`: those of one map at a time."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
@@ -142,7 +142,7 @@ def get(
 def change(edit: Edit, id: Id, changes: InstanceChanges) -> InstanceDocument:  # noqa: A002
     """Change an instance. Its footprint follows its pose, and relations follow its footprint.
 
-    In this order: what it looks like, what carries it, then all else.
+    In this order: its description, its frame, then all else.
     """
     wanted = changes.changes()
     with edit.begin(lambda connection: _read(connection, id)) as connection:

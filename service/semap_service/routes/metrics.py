@@ -24,10 +24,10 @@ EXPOSITIONS = {
     responses={**problems(), 200: EXPOSITIONS},
 )
 def get_metrics(request: Request) -> Response:
-    """How semap is doing, for Prometheus: what comes in, lags, rules, feeds, webhooks, jobs, requests.
+    """Metrics for Prometheus: input, lags, rules, feeds, webhooks, jobs, requests.
 
-    It answers while the database does not: semap_database_up is 0 then. OpenMetrics is given to those who
-    accept application/openmetrics-text.
+    It answers while the database is down: semap_database_up is 0 then. The format is OpenMetrics for clients
+    that accept application/openmetrics-text.
     """
     metrics: Metrics = request.app.state.metrics
     body, kind = metrics.scrape(request.app.state.feed, request.headers.get("accept", ""))

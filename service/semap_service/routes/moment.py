@@ -72,20 +72,20 @@ class DoorTimeline(Document):
 
 
 class TimelineDocument(Document):
-    """Who was where, how doors stood and what happened."""
+    """Occupancy of rooms, states of doors, and events."""
 
     from_: Stamp = Field(serialization_alias="from")
     to: Stamp
-    rooms: list[RoomTimeline] = Field(description="Those that somebody was in, by their ids.")
-    doors: list[DoorTimeline] = Field(description="Those of which something is known, by their ids.")
+    rooms: list[RoomTimeline] = Field(description="Rooms with occupants, by their ids.")
+    doors: list[DoorTimeline] = Field(description="Doors with states, by their ids.")
     events: list[EventDocument] = Field(description="In the order of their stamps.")
-    more: bool = Field(description="Whether `limit` left something out: ask for less time.")
+    more: bool = Field(description="Whether `limit` truncated the result: request a shorter time.")
 
 
 class ExtentDocument(Document):
     """When there is something to look back at."""
 
-    first: Stamp | None = Field(description="null where nothing was told of this map.")
+    first: Stamp | None = Field(description="null where the map has no data.")
     last: Stamp | None
 
 
@@ -107,9 +107,8 @@ def get_moment(
         ),
     ] = 10,
 ) -> MomentDocument:
-    """Who was where, how doors stood and how many were in each room, as of an event time.
-
-    Trails have at most 200 points. What the map itself looked like is in its history.
+    """Positions of tracks, states of doors and occupancy of rooms, as of an event time.
+    Trails have at most 200 points. The former state of the map itself is in its history.
     """
     with transaction(database) as connection:
         then = moment.moment(
@@ -136,7 +135,7 @@ def get_timeline(
         int, Query(ge=1, le=10_000, description="At most so many stays, states and events each.")
     ] = 1000,
 ) -> TimelineDocument:
-    """Who was in which room, how doors stood and what happened between two moments."""
+    """Occupancy of rooms, states of doors and events between two moments."""
     _require_order(start, end)
     with transaction(database) as connection:
         stays = moment.stays(connection, name, start, end, limit + 1)

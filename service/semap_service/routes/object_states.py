@@ -31,7 +31,7 @@ router = APIRouter(tags=["object states"])
 
 MOST_STATES = 1000
 
-Attributes = Annotated[dict[str, Any], Field(description="Whatever else the source says.")]
+Attributes = Annotated[dict[str, Any], Field(description="Further data of the source.")]
 
 
 class ObjectStateDocument(Document):
@@ -77,7 +77,7 @@ class NewObjectStateDocument(Request):
 
 
 class NewObjectStates(Request):
-    """What a source saw of objects."""
+    """States of objects from a source."""
 
     map: Name = Field(examples=["office"])
     source: Name = Field(description="Made where it is missing.", examples=["door contacts"])

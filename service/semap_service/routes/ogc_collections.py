@@ -39,7 +39,7 @@ LARGEST_OFFSET = 10_000_000
 Offset = Annotated[int, Query(ge=0, le=LARGEST_OFFSET, description="Leave out so many at the beginning.")]
 
 MEANINGS = {
-    "tracks": "Who is followed, each where it was seen last; /items/{id}/tgsequence is its way.",
+    "tracks": "Tracks at their last positions; /items/{id}/tgsequence is the trajectory.",
     "relations": "Which track is in which instance now, each where the track is.",
     "events": "What happened, each where its track was, or else where its instance is.",
 }
@@ -89,7 +89,7 @@ def list_all(
 def get_one(
     request: Request, response: Response, database: Database, collectionId: CollectionId, f: Format = None
 ) -> CollectionDocument:
-    """What a collection is, and how far it reaches."""
+    """A collection with its extent."""
     with transaction(database) as connection:
         found = get_collection(connection, collectionId)
         extent = extents_of(connection, [found])[found.id]
@@ -122,7 +122,7 @@ def get_queryables(
 def get_sortables(
     request: Request, database: Database, collectionId: CollectionId, f: Format = None
 ) -> PropertiesSchema:
-    """What can be sorted by, as JSON Schema."""
+    """Properties for sorting, as JSON Schema."""
     with transaction(database) as connection:
         found = get_collection(connection, collectionId)
     return schemas.sortables(request, found, source_of(found))

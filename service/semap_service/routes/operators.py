@@ -28,14 +28,14 @@ class ParameterDocument(Document):
         description="number, integer, text, boolean, texts, attributes (JSON object), area (GeoJSON "
         "polygon), point (GeoJSON point), pose, stamp (RFC 3339); instance, frame, description: a name or id."
     )
-    answers: str = Field(description="What it says.")
+    answers: str = Field(description="Its meaning.")
     required: bool
     default: Any = Field(description="null: none.")
     choices: list[str] = Field(description="One of these; empty: any.")
 
 
 class OperatorDocument(Document):
-    """An operator: what it answers, takes and gives."""
+    """An operator with its parameters and columns."""
 
     name: str = Field(examples=["in_objects"])
     answers: str = Field(examples=["What is in the references: completely within, or with some of it."])
@@ -44,7 +44,7 @@ class OperatorDocument(Document):
     takes_targets: bool
     edits: bool = Field(description="Whether it changes the map.")
     parameters: list[ParameterDocument]
-    columns: list[str] = Field(description="What each row says.")
+    columns: list[str] = Field(description="The meaning of a row.")
     replaces: list[str] = Field(description="Services of SEMAP in whose place it stands.")
 
 
@@ -84,10 +84,10 @@ class Question(Request):
     """What an operator is asked."""
 
     references: SelectionDocument | None = Field(
-        None, description="What is asked about; without it everything on the map."
+        None, description="The references; by default all instances of the map."
     )
     targets: SelectionDocument | None = Field(
-        None, description="What is looked for; without it everything on the map."
+        None, description="The targets; by default all instances of the map."
     )
     parameters: dict[str, Any] = Field({}, description="By name; GET /operators lists them.")
     limit: int = Field(100, ge=1, le=1000, description="At most so many rows; one that edits gives all.")

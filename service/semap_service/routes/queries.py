@@ -51,7 +51,7 @@ Wait = Annotated[float, Field(ge=0, le=86_400)]
 
 
 class SideDocument(Request):
-    """Which tracks, or which instances: those that all of this is true of. Nothing said: any."""
+    """Tracks or instances that satisfy all of these conditions. Without conditions: any."""
 
     model_config = ConfigDict(from_attributes=True)
 
@@ -104,10 +104,10 @@ IN_SQL = {"predicate", "concept", "subject", "object", *PARAMETERS, "abstraction
 
 
 class Asked(Request):
-    """What a continuous query asks."""
+    """A continuous query."""
 
     name: Name = Field(examples=["track_at_door"])
-    predicate: Predicate = Field("contains", description="What the subject is to the object, or it to that.")
+    predicate: Predicate = Field("contains", description="The relation between subject and object.")
     concept: Name | None = Field(
         None, examples=["Door"], description="Short for `object.concept`: this concept and those below it."
     )
@@ -131,7 +131,7 @@ class Asked(Request):
     abstraction: Flat = "Footprint"
     dimensions: Literal[2, 3] = Field(3, description="3: heights count, too.")
     debounce: DebounceDocument = DebounceDocument()
-    certainty: CertaintyDocument | None = Field(None, description="null: positions are taken as they are.")
+    certainty: CertaintyDocument | None = Field(None, description="null: positions are taken as exact.")
     between_samples: BetweenSamplesDocument | None = Field(
         None, description="null: relations follow the samples alone."
     )
@@ -140,7 +140,7 @@ class Asked(Request):
         None,
         examples=["select r.name, t.name from track t, room r where st_contains(r.footprint, t.position)"],
         description="Instead of predicate, sides, distance, abstraction and dimensions: a SELECT over the"
-        " views of semap_query. Its columns are what is told of each relation.",
+        " views of semap_query. Its columns are the payload of each relation.",
     )
 
     def declaration(self, connection: Connection) -> Declaration:
@@ -207,7 +207,7 @@ class QueryDocument(Document):
     certainty: CertaintyDocument | None
     between_samples: BetweenSamplesDocument | None
     payload: dict[str, str] = Field(
-        description="What is told of each relation, by the name of its column.",
+        description="The payload of each relation, by the names of columns.",
         examples=[{"room_name": "object.name", "track_name": "subject.name"}],
     )
     sql: str | None = Field(description="As it was declared; null where it was not in SQL.")
@@ -235,7 +235,7 @@ def list_queries(
 
 @router.post("/queries", operation_id="add_query", status_code=201, responses=problems(404, 409))
 def add_query(write: Write, new: NewQuery, response: Response) -> QueryDocument:
-    """Keep relations to another kind of thing. Those that hold now hold with the answer."""
+    """Maintain a relation. The present relations hold when the response is sent."""
     with write.begin() as connection:
         made = queries.add_query(connection, new.map, new.declaration(connection), sql=new.sql)
     response.headers["Location"] = f"/queries/{made.query_id}"

@@ -50,7 +50,7 @@ class RelationDocument(Document):
     until: Stamp | None = Field(description="null while it holds.")
     duration_s: float | None = Field(description="How long it held; null while it holds.", examples=[12.5])
     probability: float | None = Field(
-        description="How probable it is by the track's present position; null where the query asks for no"
+        description="The probability by the track's present position; null where the query asks for no"
         " certainty.",
         examples=[0.97],
     )
@@ -86,7 +86,7 @@ def list_relations(
     limit: Limit = 100,
     after: RelationAfter = "0-0-0",
 ) -> RelationList:
-    """Who is where now, by name; with `as_of`: who was where at a time, since when and how long."""
+    """The current relations, by name; with `as_of` those at a time, with beginning and duration."""
     wanted = relations.Wanted(map_name, query, track=track, instance=room)
     with transaction(database) as connection:
         if map_name is not None:

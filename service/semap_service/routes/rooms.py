@@ -76,7 +76,7 @@ def get_room(database: Database, id: Id, crs: Crs = None) -> RoomDocument:  # no
 
 @router.get("/rooms/{id}/occupants", operation_id="list_occupants", responses=problems(404))
 def list_occupants(database: Database, id: Id, limit: Limit = 100, after: After = 0) -> OccupantList:  # noqa: A002
-    """Who is in this room, and since when."""
+    """The tracks in this room, and since when."""
     with transaction(database) as connection:
         found = relations.list_occupants(connection, id, after=after, limit=limit)
     return OccupantList(

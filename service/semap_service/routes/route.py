@@ -74,9 +74,8 @@ def find_route(
     ],
     end: Annotated[str, Query(alias="to", pattern=PLACE, description="Likewise.", examples=["12"])],
 ) -> WayDocument:
-    """The shortest way from the room of one thing to the room of another: which doors, and how long.
-
-    A room is its own; anything else is in the smallest room around it, and a door in one that it joins.
+    """The shortest route from the room of one instance or track to that of another: doors and length.
+    A room is its own; any other instance is in the smallest room around it, and a door in one that it joins.
     """
     with transaction(database) as connection:
         found = ways.way(connection, _place(start, "from"), _place(end, "to"))

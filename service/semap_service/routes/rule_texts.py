@@ -47,7 +47,7 @@ class RuleText(Request):
 
 
 class Fault(Document):
-    """What is wrong with a text."""
+    """An error in a text."""
 
     message: str
     remedy: str
@@ -57,7 +57,7 @@ class Fault(Document):
 
 
 class RuleCheck(Document):
-    """What a text says, or what is wrong with it first."""
+    """The declaration of a text, or its first error."""
 
     name: str | None = Field(description="The name that it gives the rule.", examples=["visits"])
     declaration: Declaration | None = Field(description="As POST /rules takes it; null where it is wrong.")
@@ -68,8 +68,8 @@ class RuleTemplate(Document):
     """A ready rule, to be used as it is or to be edited."""
 
     name: str = Field(examples=["visits"])
-    sentence: str = Field(description="What its events say.")
-    text: str = Field(description="YAML, with the parameters as they are where nobody sets them.")
+    sentence: str = Field(description="The meaning of its events.")
+    text: str = Field(description="YAML, with the default values of the parameters.")
     parameters: dict[str, str] = Field(description="What each of its parameters means.")
 
 
@@ -79,9 +79,8 @@ class RuleTemplateList(Document):
 
 @router.post("/maps/{name}/rules/check", operation_id="check_rule", responses=problems(404))
 def check_rule(database: Database, name: str, written: RuleText) -> RuleCheck:
-    """Say whether a text is a rule that could be added to a map, and else what is wrong and where.
-
-    Nothing is written. What is wrong is no error of this request.
+    """Check whether a text is a rule that could be added to a map, or return its error with the position.
+    Nothing is written. A wrong text is not an error of this request.
     """
     source: SourceText | None = None
     declared: Declared | None = None

@@ -74,7 +74,7 @@ class RuleList(Document):
 
 
 class RuleVersionDocument(Document):
-    """What a rule declared, and since when."""
+    """A version of a rule, and since when it is valid."""
 
     version: int
     name: str
@@ -88,7 +88,7 @@ class RuleVersionList(Document):
 
 
 class NewRule(Request):
-    """A rule for what happens from now on, and for the past where it is asked for."""
+    """A rule for new events, and optionally for the past."""
 
     map: Name = Field(examples=["office"])
     name: Name = Field(examples=["room_visits"])
@@ -97,7 +97,7 @@ class NewRule(Request):
 
 
 class RuleChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     enabled: bool | None = None
     declaration: Declaration | None = None
@@ -121,7 +121,7 @@ def list_rules(
 
 @router.post("/rules", operation_id="add_rule", status_code=201, responses=problems(404, 409))
 def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
-    """Make events from now on, and of what is stored where `backfill_from` says so.
+    """Add a rule: it makes events from now on, and with `backfill_from` over stored history.
 
     A name in `input` is looked up among the queries of the map, then among its rules; any other is a property
     of objects. Rules that would read one another in a circle are refused.
@@ -142,10 +142,8 @@ def get_rule(database: Database, id: SmallId) -> RuleDocument:  # noqa: A002
 
 @router.patch("/rules/{id}", operation_id="change_rule", responses=edits(404, 409))
 def change_rule(edit: Edit, id: SmallId, changes: RuleChanges) -> RuleDocument:  # noqa: A002
-    """Let a rule rest or work, or declare something else.
-
-    What it declares is a new version. It holds for what happens from now on, and with `backfill_from` for
-    what is stored, too.
+    """Enable or disable a rule, or replace its declaration.
+    A declaration is a new version. It applies from now on, and with `backfill_from` to stored history, too.
     """
     if changes.declaration is None and changes.backfill_from is not None:
         raise InvalidInput(
@@ -168,7 +166,7 @@ def list_rule_versions(
     limit: Limit = 100,
     after: After = 0,
 ) -> RuleVersionList:
-    """What a rule declared from its first version on."""
+    """The versions of a rule, from the first on."""
     with transaction(database) as connection:
         found = rules.list_versions(connection, id, after=min(after, LARGEST_SMALL_ID), limit=limit)
     return RuleVersionList(

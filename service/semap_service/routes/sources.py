@@ -35,7 +35,7 @@ JUMP = (
 
 
 class SourceChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
     lateness_s: Annotated[float, Field(ge=0, le=sources.LONGEST_LATENESS_S)] | None = Field(
         None, description=LATENESS
@@ -52,7 +52,7 @@ class SourceChanges(Request):
 
 
 class SourceDocument(Document):
-    """Who says where tracks are or what state objects have, and how far it is believed."""
+    """A source of states of tracks or objects, with its settings."""
 
     id: int = stored("source_id")
     map: str = Field(examples=["office"])
@@ -73,7 +73,7 @@ class SourceList(Document):
 def list_sources(
     database: Database, map_name: MapFilter = None, limit: Limit = 100, after: After = 0
 ) -> SourceList:
-    """Who brings in what is seen."""
+    """The sources."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)

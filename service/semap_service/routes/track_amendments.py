@@ -27,7 +27,7 @@ router = APIRouter(tags=["tracks"])
 
 
 class TrackAmendmentDocument(Document):
-    """What a tracker found that it had mistaken of two of its tracks."""
+    """A correction of two tracks by their tracker."""
 
     id: int = stored("track_amendment_id", description="In the order of arrival.")
     map: str = Field(examples=["office"])
@@ -41,7 +41,7 @@ class TrackAmendmentDocument(Document):
     other_track_id: int
     other_track: str = Field(examples=["person 4"])
     since: Stamp = Field(description="From when on.")
-    found: Stamp = Field(description="The stamp of the record that told.")
+    found: Stamp = Field(description="The stamp of the record that revealed it.")
 
 
 class TrackAmendmentList(Document):
@@ -57,10 +57,9 @@ def list_track_amendments(
     limit: Limit = 100,
     after: After = 0,
 ) -> TrackAmendmentList:
-    """Which tracks were found out to be one person, or to have changed persons.
-
-    Tracks, relations and events stay as they were told: who counts persons takes these into account. New ones
-    have larger ids than all that were listed before.
+    """Tracks that turned out to be one person, or that swapped persons.
+    Tracks, relations and events stay as logged: take these into account when you count persons. New ones
+    have larger ids than all earlier ones.
     """
     with transaction(database) as connection:
         if map_name is not None:

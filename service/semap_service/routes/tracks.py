@@ -65,9 +65,9 @@ Attributes = Annotated[
 
 
 class TrackChanges(Request):
-    """What to change; what is left out stays as it is."""
+    """The changes; omitted members stay unchanged."""
 
-    concept: Name | None = Field(None, description="What kind of thing it is; null: that is not known.")
+    concept: Name | None = Field(None, description="Its concept; null: unknown.")
     attributes: Attributes | None = Field(None, description="Replaces all attributes.")
 
     @model_validator(mode="after")
@@ -87,7 +87,7 @@ class TrackDocument(Document):
     name: str = Field(examples=["person 3"])
     live: bool = Field(description="False until it is seen, and after its end.")
     ended_at: Stamp | None
-    concept: str | None = Field(description="What kind of thing it is; null: that was not said.")
+    concept: str | None = Field(description="Its concept; null: not set.")
     attributes: Attributes
     state: TrackStateDocument | None = Field(description="null until it is seen.")
 
@@ -132,7 +132,7 @@ def list_tracks(
     limit: Limit = 100,
     after: After = 0,
 ) -> TrackList:
-    """Who is followed, and where they are now."""
+    """The live tracks, with their positions."""
     with transaction(database) as connection:
         if map_name is not None:
             get_map(connection, map_name)
@@ -154,7 +154,7 @@ def get_track(database: Database, id: Id) -> TrackDocument:  # noqa: A002
 
 @router.patch("/tracks/{id}", operation_id="describe_track", responses=edits(404))
 def describe_track(edit: Edit, id: Id, changes: TrackChanges) -> TrackDocument:  # noqa: A002
-    """Say what kind of thing a track is. Queries are about it, or no longer, from now on: cause `map`.
+    """Set concept and attributes of a track. Queries select it by them from now on, with the cause `map`.
 
     With If-Match it is refused if the track has moved since it was read.
     """

@@ -85,7 +85,8 @@ class NewWebhook(Request):
 
 
 class WebhookChanges(Request):
-    """What to change; what is left out stays. Each change but that of the description lets it try at once."""
+    """The changes; omitted members stay unchanged. Each change except of the description causes an attempt at
+    once."""
 
     url: Url | None = None
     description: Description | None = None
@@ -94,7 +95,7 @@ class WebhookChanges(Request):
     rule: Name | None = None
     filter: Filter = None
     state: Literal["active", "paused"] | None = Field(
-        None, description="paused: what happens meanwhile is sent when it is active again."
+        None, description="paused: events of the meantime are sent when it is active again."
     )
 
     @model_validator(mode="after")
@@ -116,7 +117,7 @@ class WebhookDocument(Document):
     rule: str | None = stored("rule_name")
     filter: str | None
     state: Literal["active", "paused", "disabled"] = Field(
-        description="disabled: by semap, for `state_reason`, until somebody makes it active again."
+        description="disabled: by semap, for `state_reason`, until it is made active again."
     )
     state_reason: str
     cursor: int = Field(description="The number of the last event that is done with.")
@@ -135,7 +136,7 @@ class WebhookDocument(Document):
 
 
 class WebhookWithSecret(WebhookDocument):
-    """A webhook as it is told once."""
+    """A webhook with its secret, shown only once."""
 
     secret: str = Field(description="Verifies messages (Standard Webhooks). It is not shown again.")
 
@@ -159,7 +160,7 @@ class SecretDocument(Document):
 
 
 class PingDocument(Document):
-    """What came of a message that only tries the way."""
+    """The outcome of a test message."""
 
     message_id: str
     taken: bool = Field(description="Whether the receiver answered with a status of 200 to 299.")
@@ -177,7 +178,7 @@ class DeadLetterDocument(Document):
     map: str
     type: str
     attempts: int
-    error: str = Field(description="What came of the last attempt.")
+    error: str = Field(description="The outcome of the last attempt.")
     status: int | None
     given_up_at: Stamp
     resend_requested_at: Stamp | None = Field(description="null: it is not to be sent again, as yet.")
@@ -237,7 +238,7 @@ def change(
 ) -> WebhookDocument:
     """Change a webhook, pause it, or make it active again.
 
-    If-Match also names how its deliveries go: what is sent meanwhile makes it another state.
+    The ETag includes the state of its deliveries: a delivery meanwhile changes it.
     """
     values = changes.model_dump(exclude_unset=True)
     with edit.begin(lambda connection: _held(connection, id)) as connection:
@@ -266,7 +267,7 @@ def rotate_secret(database: Database, id: SmallId, new: NewSecret) -> SecretDocu
 
 @router.post("/webhooks/{id}/ping", operation_id="ping_webhook", responses=problems(404))
 async def ping(request: HttpRequest, database: Database, id: SmallId) -> PingDocument:  # noqa: A002
-    """Send a message of the type org.semap.ping once, and say what came of it."""
+    """Send one message of the type org.semap.ping, and return the outcome."""
     line = await asyncio.to_thread(_line, database, id)
     message_id, answer = await _deliverer(request).ping(line)
     return PingDocument(
@@ -303,7 +304,7 @@ def list_dead_letters(
     responses=problems(404),
 )
 def resend_all(request: HttpRequest, database: Database, id: SmallId) -> ResendDocument:  # noqa: A002
-    """Send all of them again, the oldest first, until one is not taken. What is taken leaves the list."""
+    """Send all of them again, the oldest first, until one fails. Accepted ones leave the list."""
     with transaction(database) as connection:
         asked = webhooks.ask_resend(connection, id)
     _deliverer(request).wake_soon()

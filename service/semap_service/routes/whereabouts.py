@@ -109,7 +109,7 @@ def list_relations_of_instance(
     ] = 1,
     limit: Limit = 100,
 ) -> HeldDocument:
-    """What it is in, on, near, what it contains, carries, joins or intersects, and which tracks are in it.
+    """Instances that it is in, on, near, that it contains, carries, joins or intersects, and tracks in it.
 
     Of the thousand instances that are nearest to it. Each operator by itself, over all: /operators.
     """

@@ -93,14 +93,14 @@ SWAGGER = "/docs/files"
 SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 DESCRIPTION = """
-A semantic map with continuous queries: what is where, who is in which room, and what happened.
+A semantic map with continuous queries: instances, tracks, their relations, and events.
 
 Lengths are metres in the map frame (right-handed, z up), angles are quaternions (x y z w), stamps are
-RFC 3339 in UTC. Lists give at most `limit` entries and go on at `next`. Every error is a problem document
-(RFC 9457) with a `remedy`.
+RFC 3339 in UTC. Lists have at most `limit` entries; `next` is the cursor of the next page. Every error is
+a problem document (RFC 9457) with a `remedy`.
 
-What can be changed is read with an ETag: with If-None-Match an unchanged answer is 304, and a change with
-If-Match is refused (412) where another was faster. Semap-Author and Semap-Message sign a change in the
+Editable resources have an ETag: with If-None-Match an unchanged response is 304, and a change with
+If-Match is refused (412) after another change. Semap-Author and Semap-Message sign a change in the
 history of the map.
 """
 

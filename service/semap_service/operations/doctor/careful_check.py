@@ -120,7 +120,7 @@ def check_careful(
         numbers = {region.region_id: n for n, region in enumerate(regions)}
         for done, (track, states) in enumerate(_ways(connection, tracks), 1):
             if done % 100 == 0:
-                progress(f"{done} of {len(tracks)} tracks followed past careful regions")
+                progress(f"{done} of {len(tracks)} tracks followed past stateful regions")
             box = shapely.box(states.x_m.min(), states.y_m.min(), states.x_m.max(), states.y_m.max())
             told = {numbers[key[1]] for key in stored if key[0] == track.track_id and key[1] in numbers}
             for n in sorted(told | set(near.query(box.buffer(0.001)).tolist())):

@@ -29,8 +29,8 @@ SHAPELESS = """
     where s.enabled and s.kind = 'instance' and (s.concept_id is not null or s.uids is not null)
       and (s.concept_id is null or i.concept_id in (select semap.concepts_below(s.concept_id)))
       and (s.uids is null or i.uid = any (s.uids))
-      and (s.condition is null or semap.condition_holds(
-             s.condition, jsonb_build_object('name', i.name, 'alias', i.alias, 'attributes', i.attributes)))
+      and (s.condition_id is null
+           or semap.condition_holds(s.condition_id, s.said, i.name, i.alias, i.attributes))
       and (s.in_pairs or s.is_object)
       and not exists (select from semap.region r
                       where (r.query_id, r.instance_id) = (s.query_id, i.instance_id))
@@ -115,7 +115,7 @@ def _jobs(connection: psycopg.Connection) -> Iterator[Trouble]:
     ).fetchall()
     if lost:
         yield wrong(
-            f"jobs that nobody runs any more: {listed([job for (job,) in lost])}",
+            f"jobs without a process: {listed([job for (job,) in lost])}",
             "Start semap serve, which marks them as failed; then send the files again.",
         )
         return
@@ -154,7 +154,7 @@ def _tokens(connection: psycopg.Connection) -> Iterator[Trouble]:
 
 
 CONTENT_CHECKS = (
-    DatabaseCheck("shapes", "what is watched has a valid outline", _shapes),
+    DatabaseCheck("shapes", "instances of queries have valid outlines", _shapes),
     DatabaseCheck("partitions", "states lie in the partition of their day", _partitions),
     DatabaseCheck("webhooks", "webhooks take what they are sent", _webhooks),
     DatabaseCheck("jobs", "no job is stuck", _jobs),

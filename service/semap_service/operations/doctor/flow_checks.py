@@ -47,7 +47,7 @@ def _other_slots(connection: psycopg.Connection) -> Iterator[Trouble]:
     ):
         if kept is not None and kept > BEHIND_BYTES:
             yield warn(
-                f"nobody reads the slot {name}, for which the server keeps {mebibytes(kept)} of log",
+                f"no process reads the slot {name}, for which the server keeps {mebibytes(kept)} of log",
                 f"If it is needed no more: SELECT pg_drop_replication_slot('{name}');",
             )
 
@@ -105,7 +105,7 @@ def _rules(connection: psycopg.Connection) -> Iterator[Trouble]:
     if failed:
         yield wrong(
             f"rules that the worker has put out of force: {listed([name for (name,) in failed])}",
-            "Its log says why; mend the rule and declare it again: semap rule replace NAME FILE.",
+            "The worker's log has the error; correct the rule: semap rule replace NAME FILE.",
         )
     for name, attempts, first, key in connection.execute(
         "select m.name || '/' || r.name, g.attempts, g.first, g.key from semap.rule_given_up g"
@@ -130,7 +130,7 @@ def _late_rows(connection: psycopg.Connection) -> Iterator[Trouble]:
 
 FLOW_CHECKS = (
     DatabaseCheck("slot", "the rule worker's slot is there", _slot),
-    DatabaseCheck("other slots", "no slot that nobody reads keeps the log", _other_slots),
+    DatabaseCheck("other slots", "no unread slot retains the log", _other_slots),
     DatabaseCheck("worker", "a rule worker runs and keeps up", _worker),
     DatabaseCheck("sources", "no source is silent or late", _sources),
     DatabaseCheck("rules", "all rules are in force", _rules),

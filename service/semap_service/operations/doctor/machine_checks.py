@@ -18,7 +18,7 @@ FULL_BYTES = 1024**3
 EXTRAS = (
     ("ifc", ("ifcopenshell",), "IFC files cannot be imported"),
     ("parquet", ("pyarrow",), "Parquet files can be neither read nor written"),
-    ("perception", ("onnxruntime", "cv2", "rosbags"), "recordings of sensors cannot be brought in"),
+    ("perception", ("onnxruntime", "cv2", "rosbags"), "recordings of sensors cannot be ingested"),
     ("plot", ("matplotlib",), "nothing can be drawn as a picture"),
 )
 """Module names by extra, and what is not to be had without."""

@@ -17,7 +17,7 @@ from semap.store.database import connect, translated
 from semap_service.operations.doctor.careful_check import Progress, check_careful
 
 EXAMPLES = 5
-CAREFUL = "careful relations"
+CAREFUL = "stateful relations"
 DIFFERENCES = sql.SQL("select count(*) over (), thing, stored, wanted from {}(%s) limit %s")
 
 
@@ -55,7 +55,7 @@ COMPARISONS = tuple(
          "present_differences"),
         ("plain relations", "relations against footprints and heights", COUNT.format("relation"),
          "plain_differences"),
-        ("held", "what presents and verges say against relations", COUNT.format("track_now"),
+        ("held", "present states and debounce states against relations", COUNT.format("track_now"),
          "held_differences"),
         ("pair members", "sides of pairs against the queries, the map and presents",
          COUNT.format("pair_member"), "pair_member_differences"),
@@ -102,7 +102,7 @@ class Repaired:
 class Verification:
     """Mutable: what was found so far, for the repair.
 
-    wrong  by map: tracks and careful regions whose relation cannot be right
+    wrong  by map: tracks and stateful regions whose relation cannot be right
     """
 
     connection: psycopg.Connection
@@ -122,7 +122,7 @@ class Verification:
                 for comparison in COMPARISONS:
                     self.progress(f"{name}: {comparison.what}")
                     yield self._noted(_compare(self.connection, map_id, name, comparison))
-                self.progress(f"{name}: relations with careful regions against the ways of tracks")
+                self.progress(f"{name}: relations with stateful regions against the paths of tracks")
                 yield self._noted(self._careful(map_id, name))
 
     def repair(self) -> Iterator[Repaired]:
@@ -150,7 +150,7 @@ class Verification:
         self.wrong[name] = found.wrong
         note = f"{found.partly} followed only in part" if found.partly else ""
         return Verified(
-            name, CAREFUL, "relations with careful regions against the ways of tracks",
+            name, CAREFUL, "relations with stateful regions against the paths of tracks",
             found.pairs, len(found.wrong), found.examples, note,
         )  # fmt: skip
 

@@ -1,0 +1,269 @@
+-- Continuous queries, what they watch, the relations that hold, and their changes.
+
+-- Each condition of continuous queries; what was compiled of it is the function semap.condition_<id>.
+create table semap.condition (
+  condition_id  integer generated always as identity primary key,
+  map_id        integer not null references semap.map on delete cascade,
+  kind          text not null check (kind in ('track', 'instance')),
+  condition     jsonb not null,
+  said          text[] not null
+);
+create unique index condition_known on semap.condition (map_id, kind, md5(condition::text));
+
+create table semap.continuous_query (
+  query_id            integer generated always as identity primary key,
+  map_id              integer not null references semap.map on delete cascade,
+  name                text not null check (name <> ''),
+  enabled             boolean not null default true,
+  predicate           text not null default 'contains',
+  subject_kind        text not null default 'track' check (subject_kind in ('track', 'instance')),
+  subject_concept_id  integer references semap.concept,
+  subject_uids        uuid[],
+  subject_where       jsonb check (jsonb_typeof(subject_where) = 'object'),
+  subject_condition_id  integer references semap.condition,
+  object_kind         text not null default 'instance' check (object_kind in ('track', 'instance')),
+  object_concept_id   integer references semap.concept,
+  object_uids         uuid[],
+  object_where        jsonb check (jsonb_typeof(object_where) = 'object'),
+  object_condition_id  integer references semap.condition,
+  distance_m          double precision check (distance_m > 0 and distance_m <= 1e4),
+  count               integer check (count between 1 and 100),
+  angle_rad           double precision check (angle_rad > 0 and angle_rad <= pi()),
+  speed_mps           double precision check (speed_mps > 0),
+  direction           text check (direction in ('left_to_right', 'right_to_left')),
+  abstraction         text not null default 'Footprint',
+  dimensions          smallint not null default 3 check (dimensions in (2, 3)),
+  enter_margin_m      double precision not null default 0 check (enter_margin_m between 0 and 100),
+  leave_margin_m      double precision not null default 0 check (leave_margin_m between 0 and 100),
+  enter_confirm       interval not null default '0' check (enter_confirm between '0' and '1 day'),
+  leave_confirm       interval not null default '0' check (leave_confirm between '0' and '1 day'),
+  enter_probability   double precision check (enter_probability >= 0.5 and enter_probability < 1),
+  leave_probability   double precision check (leave_probability > 0 and leave_probability <= 0.5),
+  widest_std_m        double precision check (widest_std_m > 0 and widest_std_m <= 100),
+  longest_gap         interval check (longest_gap > '0' and longest_gap <= '1 day'),
+  fastest_mps         double precision check (fastest_mps > 0),
+  payload             jsonb not null default '{}',
+  sql                 text,
+  -- what the regions cannot answer, which ask only where a track is
+  in_pairs            boolean not null generated always as (
+    subject_kind = 'instance' or object_kind = 'track'
+    or predicate in ('intersects', 'nearest', 'crosses', 'facing', 'approaching')) stored,
+  unique (map_id, name),
+  constraint predicate_is_known check (predicate in (
+    'contains', 'covers', 'intersects', 'within_distance', 'nearest', 'on', 'in_front_of', 'behind',
+    'left_of', 'right_of', 'crosses', 'facing', 'approaching')),
+  constraint distance_is_given check (case
+    when predicate in ('within_distance', 'in_front_of', 'behind', 'left_of', 'right_of', 'approaching')
+      then distance_m is not null
+    when predicate in ('nearest', 'facing') then true
+    else distance_m is null end),
+  constraint count_is_given check ((count is not null) = (predicate = 'nearest')),
+  constraint angle_is_given check ((angle_rad is not null) = (predicate = 'facing')),
+  constraint speed_is_given check ((speed_mps is not null) = (predicate = 'approaching')),
+  constraint only_lines_have_a_direction check (direction is null or predicate = 'crosses'),
+  constraint probabilities_are_both_given
+    check ((enter_probability is null) = (leave_probability is null)
+           and (enter_probability is null) = (widest_std_m is null)),
+  constraint gap_and_speed_are_both_given check ((longest_gap is null) = (fastest_mps is null))
+);
+create index continuous_query_in_pairs on semap.continuous_query (map_id) where in_pairs;
+
+create table semap.query_request (
+  request_id   bigint generated always as identity primary key,
+  map_id       integer not null references semap.map on delete cascade,
+  name         text not null,
+  sql          text not null,
+  asked_by     text not null default current_user,
+  asked_at     timestamptz not null default clock_timestamp(),
+  answered_at  timestamptz,
+  query_id     integer,
+  refusal      jsonb,
+  constraint an_answer_is_a_query_or_a_refusal
+    check (num_nonnulls(query_id, refusal) = (answered_at is not null)::integer)
+);
+create unique index query_request_waits on semap.query_request (map_id, name) where answered_at is null;
+comment on table semap.query_request is 'Continuous queries that were asked for in SQL.';
+comment on column semap.query_request.refusal is
+  'line and column in the text (null where there is no place), the reason, and the remedy.';
+
+-- Which tracks a query with conditions on its subject is about.
+create table semap.query_track (
+  query_id  integer not null references semap.continuous_query on delete cascade,
+  track_id  bigint not null references semap.track on delete cascade,
+  map_id    integer not null,
+  primary key (query_id, track_id)
+);
+create index query_track_track on semap.query_track (track_id);
+
+create table semap.region (
+  region_id        integer generated always as identity primary key,
+  query_id         integer not null,
+  query_name       text not null,
+  instance_id      bigint not null,
+  instance_uid     uuid not null,
+  instance_name    text not null,
+  map_id           integer not null,
+  footprint        public.geometry not null,
+  z_min_m          double precision not null,
+  z_max_m          double precision not null,
+  predicate        text not null default 'contains',
+  shape            public.geometry,
+  distance_m       double precision,
+  core             public.geometry,
+  reach            public.geometry,
+  enter_confirm    interval not null default '0',
+  leave_confirm    interval not null default '0',
+  enter_stds       double precision,
+  leave_stds       double precision,
+  longest_gap      interval,
+  fastest_mps      double precision,
+  widest_std_m     double precision,
+  subject          text,
+  careful          boolean not null default false,
+  -- Tracks that are older than the form of a region are corrected only after the newest state of its map.
+  formed_stamp     timestamptz not null default '-infinity',
+  formed_track_id  bigint not null default 0,
+  unique (query_id, instance_id)
+);
+create index region_instance on semap.region (instance_id);
+create index region_careful on semap.region using gist (footprint) where careful;
+create index region_careful_map on semap.region (map_id) where careful;
+
+create table semap.region_cell (
+  map_id     integer not null,
+  cell_x     integer not null,
+  cell_y     integer not null,
+  region_id  integer not null references semap.region on delete cascade,
+  whole      boolean not null,
+  z_min_m    double precision not null,
+  z_max_m    double precision not null,
+  careful    boolean not null default false,
+  primary key (map_id, cell_x, cell_y, region_id)
+);
+create index region_cell_region on semap.region_cell (region_id);
+
+create table semap.region_edge (
+  map_id     integer not null,
+  cell_x     integer not null,
+  cell_y     integer not null,
+  region_id  integer not null references semap.region on delete cascade,
+  x_min_m    double precision not null,
+  x_max_m    double precision not null,
+  y_min_m    double precision not null,
+  y_max_m    double precision not null,
+  stds       real not null default 0
+);
+create index region_edge_cell on semap.region_edge (map_id, cell_x, cell_y);
+create index region_edge_region on semap.region_edge (region_id);
+
+create table semap.relation (
+  track_id     bigint not null,
+  region_id    integer not null,
+  query_id     integer not null,
+  instance_id  bigint not null,
+  map_id       integer not null,
+  since        timestamptz not null,
+  primary key (track_id, region_id)
+);
+create index relation_region on semap.relation (region_id);
+create index relation_instance on semap.relation (instance_id);
+
+-- Where a track near a region's boundary stands: to that, as debounced, and in the relation.
+create table semap.verge (
+  track_id   bigint not null references semap.track on delete cascade,
+  region_id  integer not null references semap.region on delete cascade,
+  map_id     integer not null,
+  held       boolean not null,
+  inside     boolean not null,
+  inside_at  timestamptz,
+  side       boolean not null,
+  side_at    timestamptz,
+  x_m        double precision,
+  y_m        double precision,
+  primary key (track_id, region_id)
+);
+create index verge_region on semap.verge (region_id);
+
+create type semap.change_kind as enum ('began', 'ended', 'crossed');
+create type semap.change_cause as enum ('moved', 'appeared', 'disappeared', 'map');
+
+create table semap.relation_change (
+  change_id              bigint generated always as identity primary key,
+  uid                    uuid not null unique,
+  map_id                 integer not null,
+  query_id               integer not null,
+  query_name             text not null,
+  track_id               bigint,
+  track_name             text,
+  subject_instance_id    bigint,
+  subject_instance_name  text,
+  instance_id            bigint,
+  instance_name          text,
+  object_track_id        bigint,
+  object_track_name      text,
+  kind                   semap.change_kind not null,
+  cause                  semap.change_cause not null,
+  stamp                  timestamptz not null,
+  edge_at                timestamptz not null,
+  since                  timestamptz not null,
+  received_at            timestamptz not null default clock_timestamp(),
+  x_m                    double precision,
+  y_m                    double precision,
+  direction              text check (direction in ('left_to_right', 'right_to_left')),
+  door_id                bigint,
+  door_name              text,
+  edge                   integer,
+  amendment              text check (amendment in ('added', 'retracted')),
+  retracts               uuid,
+  constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
+  constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
+  constraint edge_is_known_later check (edge_at <= stamp),
+  constraint began_before check (since <= edge_at),
+  constraint beginning_is_since check (kind = 'ended' or since = edge_at),
+  constraint retraction_says_what check ((retracts is not null) = (amendment is not distinct from 'retracted'))
+);
+create index relation_change_map on semap.relation_change (map_id, stamp);
+create index relation_change_retracts on semap.relation_change (retracts) where retracts is not null;
+
+create table semap.relation_past (
+  relation_past_id       bigint generated always as identity primary key,
+  map_id                 integer not null,
+  query_id               integer not null,
+  query_name             text not null,
+  track_id               bigint,
+  track_name             text,
+  subject_instance_id    bigint,
+  subject_instance_name  text,
+  instance_id            bigint,
+  instance_name          text,
+  object_track_id        bigint,
+  object_track_name      text,
+  since                  timestamptz not null,
+  until                  timestamptz not null,
+  constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
+  constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
+  constraint began_before check (since <= until)
+);
+create index relation_past_stay on semap.relation_past using gist (tstzrange(since, until, '[]'));
+create index relation_past_track on semap.relation_past (track_id);
+create index relation_past_object_track on semap.relation_past (object_track_id) where object_track_id is not null;
+
+-- A state as it comes, with what is known of its track before it.
+create type semap.arrival as (
+  track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision,
+  std_m real, heading_rad real, speed_mps real, length_m real, width_m real, is_last boolean,
+  source_id integer, map_id integer, cell_m double precision, live boolean, seen_stamp timestamptz,
+  from_x_m double precision, from_y_m double precision, from_z_m double precision, region_ids integer[],
+  outlier_stamp timestamptz, std_across_m real, std_yaw_rad real
+);
+-- A crossing as it is found, before it is written.
+create type semap.crossing as (
+  track_id bigint, region_id integer, kind semap.change_kind, cause semap.change_cause, stamp timestamptz,
+  edge_at timestamptz, x_m double precision, y_m double precision
+);
+-- Between which stamps what is found of a region may differ from what was found without late states.
+create type semap.replayed as (region_id integer, from_stamp timestamptz, to_stamp timestamptz);
+create type semap.amended as (
+  region_id integer, kind semap.change_kind, cause semap.change_cause,
+  stamp timestamptz, edge_at timestamptz, since timestamptz, x_m double precision, y_m double precision
+);
