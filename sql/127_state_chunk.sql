@@ -1,7 +1,8 @@
--- How states are stored, and how they are read. A row of semap.state_chunk holds states within one half hour of the clock,
--- as arrays: of many tracks at one stamp, which is how a track batch comes, or of one track, which is how they lie once they
--- are compacted (sql/145). An array that is null is null throughout. Readers call semap.states, or semap.states_around for
--- so many states beside a stamp: no other function knows how states are packed, or that they are.
+-- How states are stored, and how they are read. A row of semap.state_chunk holds states within one half hour of the
+-- clock, as arrays: of many tracks at one stamp, which is how a track batch comes, or of one track, which is how they
+-- lie once they are compacted (sql/145). An array that is null is null throughout. Readers call semap.states, or
+-- semap.states_around for so many states beside a stamp: no other function knows how states are packed, or that they
+-- are.
 
 -- The half hour of the clock in which a stamp lies.
 create or replace function semap.half_hour(p_stamp timestamptz) returns timestamptz
@@ -19,7 +20,8 @@ language sql immutable parallel safe rows 500 as $$
   select coalesce((p_chunk).track_id, s.track_id),
          case when (p_chunk).track_id is null then (p_chunk).from_stamp else (p_chunk).from_stamp + interval '1 us' * (
            coalesce(s.offset_us, 0)
-           + (s.place - 1) * semap.micros((p_chunk).to_stamp - (p_chunk).from_stamp) / greatest((p_chunk).states - 1, 1)) end,
+           + (s.place - 1) * semap.micros((p_chunk).to_stamp - (p_chunk).from_stamp)
+             / greatest((p_chunk).states - 1, 1)) end,
          s.x_m, s.y_m, s.z_m, s.std_m, coalesce(s.is_last, false), s.heading_rad, s.speed_mps, s.length_m, s.width_m,
          s.std_across_m, s.std_yaw_rad
   from unnest((p_chunk).track_ids, (p_chunk).offsets_us, (p_chunk).x_m, (p_chunk).y_m, (p_chunk).z_m, (p_chunk).std_m,
@@ -50,16 +52,16 @@ $$;
 create or replace function semap.new_chunk(
   source_id integer, from_stamp timestamptz, to_stamp timestamptz, x_m double precision[], y_m double precision[],
   z_m double precision[], std_m real[], is_last boolean[], heading_rad real[], speed_mps real[], length_m real[],
-  width_m real[], std_across_m real[], std_yaw_rad real[], track_ids bigint[] default null, track_id bigint default null,
-  offsets_us integer[] default null
+  width_m real[], std_across_m real[], std_yaw_rad real[], track_ids bigint[] default null,
+  track_id bigint default null, offsets_us integer[] default null
 ) returns semap.state_chunk
 language sql immutable parallel safe as $$
-  select row(source_id, track_id, from_stamp, to_stamp, cardinality(x_m), track_ids, offsets_us, x_m, y_m, z_m, std_m, is_last,
-             heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)::semap.state_chunk
+  select row(source_id, track_id, from_stamp, to_stamp, cardinality(x_m), track_ids, offsets_us, x_m, y_m, z_m, std_m,
+             is_last, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)::semap.state_chunk
 $$;
 
--- The states of these chunks of one half hour, and of so few stamps that an array of them is one piece of TOAST, as chunks
--- of one track each.
+-- The states of these chunks of one half hour, and of so few stamps that an array of them is one piece of TOAST, as
+-- chunks of one track each.
 create or replace function semap.chunks_of_tracks(p_chunks semap.state_chunk[]) returns setof semap.state_chunk
 language sql immutable parallel safe rows 1000 as $$
   with has as (
@@ -98,8 +100,8 @@ language sql immutable parallel safe rows 1000 as $$
     std_across_m => std_across_m, std_yaw_rad => std_yaw_rad) c
 $$;
 
--- The states of these tracks from one stamp to another, both included, in no order; nothing of a track that the caller may not
--- see.
+-- The states of these tracks from one stamp to another, both included, in no order; nothing of a track that the caller
+-- may not see.
 create or replace function semap.states(p_track_ids bigint[], p_from timestamptz, p_to timestamptz)
 returns setof semap.track_state
 language plpgsql stable parallel safe security definer rows 1000 set search_path = pg_catalog, pg_temp as $$
@@ -134,8 +136,8 @@ language sql stable parallel safe security definer rows 10000 set search_path = 
   cross join lateral semap.states(k.ids, p_from, p_to) s
 $$;
 
--- So many states of a track before a stamp, the newest of them, and so many from it on, the oldest, within two other stamps,
--- both included; nothing of a track that the caller may not see. No more chunks are opened than that takes.
+-- So many states of a track before a stamp, the newest of them, and so many from it on, the oldest, within two other
+-- stamps, both included; nothing of a track that the caller may not see. No more chunks are opened than that takes.
 create or replace function semap.states_around(
   p_track_id bigint, p_stamp timestamptz, p_before integer, p_from integer,
   p_until timestamptz default 'infinity', p_since timestamptz default '-infinity'
@@ -171,7 +173,8 @@ begin
   if p_from > 0 then
     select coalesce(min(to_stamp), p_until) into v_until from (
       select to_stamp, sum(states) over (order by to_stamp) as total from (
-        (select c.to_stamp, case when c.from_stamp >= p_stamp then c.states else 1 end as states from semap.state_chunk c
+        (select c.to_stamp, case when c.from_stamp >= p_stamp then c.states else 1 end as states
+         from semap.state_chunk c
          where c.track_id = p_track_id and c.to_stamp >= p_stamp and c.from_stamp >= semap.half_hour(p_stamp)
            and c.from_stamp <= p_until
          order by c.from_stamp limit p_from)

@@ -1,19 +1,20 @@
--- Where tracks are. semap.track_now has what a state is compared with: the safe region of its track, and where it was when it
--- left the one before. Where a track is within its safe region, its newest chunk says; that is *flushed* to track_now once for
--- many chunks, and whenever somebody asks for the exact position of all tracks of a source. Readers ask semap.track_place.
+-- Where tracks are. semap.track_now has what a state is compared with: the safe region of its track, and where it was
+-- when it left the one before. Where a track is within its safe region, its newest chunk says; that is *flushed* to
+-- track_now once for many chunks, and whenever somebody asks for the exact position of all tracks of a source. Readers
+-- ask semap.track_place.
 
--- The newest state of each track of a source that was not flushed.
-create or replace function semap.unflushed_states(p_count semap.source_count) returns setof semap.track_state
-language sql stable rows 100 as $$
-  select distinct on (s.track_id) s.*
-  from (select max(from_stamp) as stamp from semap.state_chunk
-        where source_id = (p_count).source_id and track_id is null and from_stamp > (p_count).flushed_stamp
-        group by track_ids) newest
-  join semap.state_chunk c
-    on c.source_id = (p_count).source_id and c.track_id is null and c.from_stamp = newest.stamp
+-- The newest state of each track whose position was not flushed.
+create or replace view semap.unflushed_state as
+  select distinct on (n.source_id, s.track_id) n.source_id, s as state
+  from semap.source_count n
+  cross join lateral (
+    select max(from_stamp) as stamp from semap.state_chunk
+    where source_id = n.source_id and track_id is null and from_stamp > n.flushed_stamp
+    group by track_ids) newest
+  join semap.state_chunk c on c.source_id = n.source_id and c.track_id is null and c.from_stamp = newest.stamp
   cross join lateral semap.states_of(c) s
-  order by s.track_id, s.stamp desc
-$$;
+  where n.unflushed > 0
+  order by n.source_id, s.track_id, s.stamp desc;
 
 -- Tracks that stay within their safe regions are where the newest of these states says.
 create or replace function semap.place_tracks_at(p_states semap.track_state[]) returns void
@@ -31,19 +32,21 @@ $$;
 create or replace function semap.flush_positions(p_source_ids integer[]) returns void
 language plpgsql as $$
 declare
-  v_count  semap.source_count;
+  v_source_id  integer;
 begin
-  for v_count in
-    select * from semap.source_count where source_id = any (p_source_ids) and unflushed > 0 order by source_id
+  for v_source_id in
+    select source_id from semap.source_count where source_id = any (p_source_ids) and unflushed > 0 order by source_id
   loop
-    perform semap.place_tracks_at(array(select s from semap.unflushed_states(v_count) s));
-    update semap.source_count set flushed_stamp = newest_stamp, unflushed = 0 where source_id = v_count.source_id;
+    perform semap.place_tracks_at(array(select state from semap.unflushed_state where source_id = v_source_id));
+    update semap.source_count set flushed_stamp = newest_stamp, unflushed = 0 where source_id = v_source_id;
   end loop;
 end $$;
 
 -- Write where all tracks of these maps are.
 create or replace function semap.flush_maps(p_map_ids integer[]) returns void
-language sql as $$ select semap.flush_positions(array_agg(source_id)) from semap.source where map_id = any (p_map_ids) $$;
+language sql as $$
+  select semap.flush_positions(array_agg(source_id)) from semap.source where map_id = any (p_map_ids)
+$$;
 
 -- Write the positions of sources that have been silent for so long, so that all of their states can be compacted.
 create or replace function semap.flush_silent_sources(p_silent interval default '10 s') returns void
@@ -60,8 +63,9 @@ begin
   end if;
 end $$;
 
--- Whether what follows from a state that left the safe region of its track needs the exact position before it: a query asks
--- for the way between two samples, or a safe region may be so wide that the gate for outliers could not do without.
+-- Whether what follows from a state that left the safe region of its track needs the exact position before it: a query
+-- asks for the way between two samples, or a safe region may be so wide that the gate for outliers could not do
+-- without.
 create or replace function semap.needs_positions(p_source semap.source, p_cell_m double precision) returns boolean
 language sql stable as $$
   select coalesce((p_source).jump_m < 3 * p_cell_m, false)
@@ -94,12 +98,13 @@ create or replace view semap.track_place with (security_barrier) as
   select t.track_id, t.source_id, t.map_id, t.live, t.first_stamp, p.stamp, p.x_m, p.y_m, p.z_m, p.std_m,
          p.std_across_m, p.std_yaw_rad, p.heading_rad, p.speed_mps, p.length_m, p.width_m, t.region_ids, t.careful_ids
   from semap.track_now t
-  left join (select s from semap.source_count n cross join lateral semap.unflushed_states(n) s where n.unflushed > 0) u
-    on (u.s).track_id = t.track_id and (u.s).stamp > t.stamp and (u.s).stamp < t.calm_until
+  left join semap.unflushed_state u
+    on (u.state).track_id = t.track_id and (u.state).stamp > t.stamp and (u.state).stamp < t.calm_until
   cross join lateral (
     select t.stamp, t.x_m, t.y_m, t.z_m, t.std_m, t.std_across_m, t.std_yaw_rad, t.heading_rad, t.speed_mps, t.length_m,
-           t.width_m where (u.s).track_id is null
+           t.width_m where (u.state).track_id is null
     union all
-    select (u.s).stamp, (u.s).x_m, (u.s).y_m, (u.s).z_m, (u.s).std_m, (u.s).std_across_m, (u.s).std_yaw_rad,
-           (u.s).heading_rad, (u.s).speed_mps, (u.s).length_m, (u.s).width_m where (u.s).track_id is not null) p
+    select (u.state).stamp, (u.state).x_m, (u.state).y_m, (u.state).z_m, (u.state).std_m, (u.state).std_across_m,
+           (u.state).std_yaw_rad, (u.state).heading_rad, (u.state).speed_mps, (u.state).length_m, (u.state).width_m
+    where (u.state).track_id is not null) p
   where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);

@@ -1,13 +1,14 @@
--- New states move their tracks. They come as a track batch, by semap.add_states: what one source says of many tracks at one
--- stamp; or as rows of semap.track_state. Both are made chunks (sql/127) and taken by semap.take_states. A state within the safe
--- region of its track needs one comparison; only tracks that left theirs are looked up. States at or before the present of
--- their track are late: they are counted, and correct its history (sql/139). A state that is its track's last ends the track
--- after it.
+-- New states move their tracks. They come as a track batch, by semap.add_states: what one source says of many tracks at
+-- one stamp; or as rows of semap.track_state. Both are made chunks (sql/127), which semap.take_states takes. A state
+-- within the safe region of its track needs one comparison; only tracks that left theirs are looked up. States at or
+-- before the present of their track are late: they are counted, and correct its history (sql/139). A state that is its
+-- track's last ends the track after it.
 --
--- Where a track is within its safe region is not written for each batch, but flushed once for many (sql/134): before states
--- that are not newer than all others of their source, so that what is late is known from track_now alone.
+-- Where a track is within its safe region is not written for each batch, but flushed once for many (sql/134): before
+-- states that are not newer than all others of their source, so that track_now alone tells what is late.
 
--- Refuse states of a track at one stamp that are more than one, among these and, of tracks of which some are late, the stored.
+-- Refuse states of a track at one stamp that are more than one, among these and, of tracks of which some are late, the
+-- stored.
 create or replace function semap.refuse_repeated(p_chunks semap.state_chunk[], p_late_ids bigint[]) returns void
 language plpgsql as $$
 declare
@@ -21,45 +22,141 @@ begin
     cross join lateral semap.states(p_late_ids, w.first, w.last) s) s
   group by s.track_id, s.stamp having count(*) > 1 limit 1;
   if found then
-    raise exception 'There is more than one state of the track % at %.', v_again.track_id, v_again.stamp
+    raise exception 'There is a state of this track at this stamp already.'
       using errcode = 'unique_violation', hint = 'Send each state once.',
             detail = format('Key (stamp, track_id)=(%s, %s) already exists.', v_again.stamp, v_again.track_id);
   end if;
 end $$;
 
--- Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are asked for, since
--- else each batch would read all of track_now.
-create or replace function semap.take_states(p_source_id integer, p_chunks semap.state_chunk[], p_is_whole boolean)
-returns void
-language plpgsql security definer
-set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off
-set random_page_cost = 0.5 as $$
+-- Compare states with the safe regions of their tracks: how many they are, of how many tracks, and those that may
+-- change something. Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are
+-- asked for, since else each batch would read all of track_now.
+create or replace function semap.compare_states(
+  p_source_id integer, p_chunks semap.state_chunk[], out states bigint, out tracks bigint, out arrivals semap.arrival[]
+) language plpgsql stable
+set plan_cache_mode = force_generic_plan set enable_mergejoin = off set random_page_cost = 0.5 as $$
+begin
+  -- arrivals as semap.arrival_of makes them, which would make rows of all that is compared
+  select count(*), count(distinct n.track_id),
+         array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
+                       n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live, t.stamp, t.x_m, t.y_m, t.z_m,
+                       t.region_ids, t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
+           n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
+           and case when n.z_m is null then t.calm_z_min_m is null
+                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
+           and (n.std_m <= t.calm_std_m or n.std_m is null)
+           and n.stamp > t.stamp and n.stamp < t.calm_until
+           and t.source_id = p_source_id and not n.is_last) is true)
+  into states, tracks, arrivals
+  from semap.states_in(p_chunks) n left join semap.track_now t using (track_id);
+end $$;
+
+-- The states of these tracks after their present.
+create or replace function semap.arrivals_of(p_chunks semap.state_chunk[], p_track_ids bigint[]) returns semap.arrival[]
+language sql stable as $$
+  select array_agg(semap.arrival_of(n, t)) from semap.states_in(p_chunks) n join semap.track_now t using (track_id)
+  where t.track_id = any (p_track_ids) and n.stamp > t.stamp
+$$;
+
+-- Move tracks to these states, which passed the gate: relations begin and end, tracks appear and end.
+create or replace function semap.follow_states(p_map_id integer, p_passed semap.arrival[]) returns void
+language plpgsql as $$
+declare
+  v_crossings  semap.crossing[] := semap.move_tracks(p_passed);
+begin
+  if exists (select from semap.region where map_id = p_map_id and careful) then
+    v_crossings := v_crossings || semap.follow_carefully(p_passed);
+  end if;
+  perform semap.record_crossings(v_crossings);
+  perform set_config('semap.source_is_held', 'on', true);
+  if exists (select from unnest(p_passed) where not live) then
+    update semap.track k set ended_at = null
+    where k.ended_at is not null and k.track_id in (select track_id from unnest(p_passed) where not live);
+  end if;
+  if exists (select from unnest(p_passed) where is_last) then
+    update semap.track k set ended_at = a.stamp
+    from unnest(p_passed) a join semap.track_now t using (track_id)
+    where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
+  end if;
+  perform set_config('semap.source_is_held', 'off', true);
+end $$;
+
+-- Store states of a source, and follow those of tracks that left their safe regions. p_is_stale: positions were flushed
+-- since they were compared.
+create or replace function semap.store_states(
+  p_source semap.source, p_chunks semap.state_chunk[], p_found record, p_is_stale boolean
+) returns void
+language plpgsql as $$
+declare
+  v_late      semap.arrival[] := array(select a from unnest(p_found.arrivals) a where a.stamp <= a.seen_stamp);
+  v_arrivals  semap.arrival[] := p_found.arrivals;
+  v_is_many   boolean := p_found.tracks < p_found.states;
+begin
+  if v_is_many or v_late <> '{}' then
+    perform semap.refuse_repeated(p_chunks, array(select track_id from unnest(v_late)));
+  end if;
+  insert into semap.state_chunk select * from unnest(p_chunks);
+  if v_late <> '{}' then
+    perform semap.take_late(p_source, v_late);
+  end if;
+  if v_is_many or p_is_stale or v_late <> '{}' then
+    v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from unnest(v_arrivals)));
+  end if;
+  if v_arrivals is null then
+    return;
+  end if;
+  if exists (select from unnest(v_arrivals) where outlier_stamp is not null)
+     or semap.any_far_step(p_source, v_arrivals) then
+    v_arrivals := semap.gated(p_source, v_arrivals);
+  end if;
+  perform semap.follow_states(p_source.map_id, v_arrivals);
+end $$;
+
+-- Count states of a source that are stored, and write where its tracks are: at once, or once for many batches.
+create or replace function semap.count_states(
+  p_source_id integer, p_chunks semap.state_chunk[], p_states bigint, p_last timestamptz, p_is_at_once boolean
+) returns void
+language plpgsql as $$
 declare
   c_chunks_each  constant integer := 32;
-  v_is_at_once   boolean;
-  v_source       semap.source;
-  v_cell_m       double precision;
-  v_count        semap.source_count;
-  v_first        timestamptz;
-  v_last         timestamptz;
-  v_states       bigint;
-  v_tracks       bigint;
-  v_strange      bigint;
-  v_late         bigint := 0;
-  v_appeared     bigint := 0;
-  v_ended        bigint := 0;
-  v_is_stale     boolean;
-  v_is_far       boolean;
-  v_arrivals     semap.arrival[];
-  v_passed       semap.arrival[];
-  v_crossings    semap.crossing[];
-  v_in_pairs     boolean;
-  v_late_pairs   semap.arrival[];
+  v_unflushed    integer;
+begin
+  insert into semap.source_count as c (source_id, track_states, newest_stamp, flushed_stamp, unflushed)
+  values (p_source_id, p_states, p_last, case when p_is_at_once then p_last else '-infinity' end,
+          case when p_is_at_once then 0 else 1 end)
+  on conflict (source_id) do update
+  set track_states = c.track_states + p_states, received_at = clock_timestamp(),
+      newest_stamp = greatest(c.newest_stamp, p_last),
+      flushed_stamp = case when p_is_at_once then greatest(c.newest_stamp, p_last) else c.flushed_stamp end,
+      unflushed = case when p_is_at_once then 0 else c.unflushed + 1 end
+  returning unflushed into v_unflushed;
+  if p_is_at_once then
+    perform semap.place_tracks_at(array(select s from semap.states_in(p_chunks) s));
+  elsif v_unflushed > c_chunks_each then
+    perform semap.flush_positions(array[p_source_id]);
+  end if;
+end $$;
+
+-- Take states of one source. p_is_whole: they are all that it has to say of the newest of their stamps.
+create or replace function semap.take_states(p_source_id integer, p_chunks semap.state_chunk[], p_is_whole boolean)
+returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source      semap.source;
+  v_cell_m      double precision;
+  v_count       semap.source_count;
+  v_first       timestamptz;
+  v_last        timestamptz;
+  v_found       record;
+  v_is_at_once  boolean;
+  v_is_stale    boolean := false;
+  v_in_pairs    boolean;
+  v_late_pairs  semap.arrival[];
 begin
   if current_setting('transaction_isolation') <> 'read committed' then
     perform semap.require_read_committed();
   end if;
-  perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, p_source_id); -- as in sql/020, in one statement
+  perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, p_source_id); -- as in sql/020, at once
   select * into v_count from semap.source_count where source_id = p_source_id;
   select * into v_source from semap.source where source_id = p_source_id;
   select cell_m, exists (select from semap.continuous_query q where q.map_id = m.map_id and q.in_pairs and q.enabled)
@@ -76,100 +173,33 @@ begin
     v_count.unflushed := 0;
   end if;
 
-  select count(*), count(distinct n.track_id),
-         -- as semap.arrival_of, which would make rows of all that is compared
-         array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
-                       n.is_last, t.source_id, t.map_id, t.cell_m, t.live, t.stamp, t.x_m, t.y_m, t.z_m, t.region_ids,
-                       t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
-           n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
-           and case when n.z_m is null then t.calm_z_min_m is null
-                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
-           and (n.std_m <= t.calm_std_m or n.std_m is null)
-           and n.stamp > t.stamp and n.stamp < t.calm_until
-           and t.source_id = p_source_id and not n.is_last) is true)
-    into v_states, v_tracks, v_arrivals
-  from semap.states_in(p_chunks) n left join semap.track_now t using (track_id);
-
-  if v_arrivals is not null then
-    select count(*) filter (where source_id is null or source_id <> p_source_id),
-           count(*) filter (where stamp <= seen_stamp),
-           count(distinct track_id) filter (where not live and stamp > seen_stamp),
-           count(*) filter (where is_last and stamp > seen_stamp),
-           bool_or(outlier_stamp is not null or live and (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2)
-      into v_strange, v_late, v_appeared, v_ended, v_is_far
-    from unnest(v_arrivals);
-    if v_strange > 0 then
-      perform semap.refuse_strange(p_source_id, v_arrivals);
+  select * into v_found from semap.compare_states(p_source_id, p_chunks);
+  if v_found.arrivals is not null then
+    if exists (select from unnest(v_found.arrivals) where source_id is distinct from p_source_id) then
+      perform semap.refuse_strange(p_source_id, v_found.arrivals);
     end if;
-    v_is_stale := v_count.unflushed > 0 and (v_is_far or semap.needs_positions(v_source, v_cell_m));
+    v_is_stale := v_count.unflushed > 0 and (
+      semap.needs_positions(v_source, v_cell_m) or semap.any_far_step(v_source, v_found.arrivals));
     if v_is_stale then
       perform semap.flush_positions(array[p_source_id]);
     end if;
     if v_in_pairs then
       select array_agg(semap.arrival_of(n, t)) into v_late_pairs
-      from semap.pair_progress p
-      join semap.states_in(p_chunks) n on n.stamp <= p.through
+      from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
       join semap.track_now t using (track_id)
       where p.map_id = v_source.map_id;
     end if;
   end if;
-  if v_tracks < v_states or v_late > 0 then
-    perform semap.refuse_repeated(p_chunks, array(select track_id from unnest(v_arrivals) where stamp <= seen_stamp));
-  end if;
-  insert into semap.state_chunk select * from unnest(p_chunks);
-
-  if v_arrivals is not null then
-    if v_late > 0 then
-      perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
-    end if;
-    if v_tracks < v_states or v_is_stale or v_late > 0 then
-      select array_agg(semap.arrival_of(n, t)) into v_arrivals
-      from semap.states_in(p_chunks) n join semap.track_now t using (track_id)
-      where t.track_id in (select track_id from unnest(v_arrivals)) and n.stamp > t.stamp;
-    end if;
-    v_passed := v_arrivals;
-    if v_is_far or v_tracks < v_states and semap.any_far_step(v_source, v_arrivals) then
-      v_passed := semap.gated(v_source, v_arrivals);
-    end if;
-
-    v_crossings := semap.move_tracks(v_passed);
-    if exists (select from semap.region where map_id = v_source.map_id and careful) then
-      v_crossings := v_crossings || semap.follow_carefully(v_passed);
-    end if;
-    perform semap.record_crossings(v_crossings);
-  end if;
-
-  if v_appeared > 0 then
-    update semap.track k set ended_at = null
-    where k.ended_at is not null and k.track_id in (select track_id from unnest(v_passed) where not live);
-  end if;
-  if v_ended > 0 then
-    update semap.track k set ended_at = a.stamp
-    from unnest(v_passed) a join semap.track_now t using (track_id)
-    where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
-  end if;
-
-  insert into semap.source_count as c (source_id, track_states, newest_stamp, flushed_stamp, unflushed)
-  values (p_source_id, v_states, v_last, case when v_is_at_once then v_last else '-infinity' end,
-          case when v_is_at_once then 0 else 1 end)
-  on conflict (source_id) do update
-  set track_states = c.track_states + v_states, received_at = clock_timestamp(),
-      newest_stamp = greatest(c.newest_stamp, v_last),
-      flushed_stamp = case when v_is_at_once then greatest(c.newest_stamp, v_last) else c.flushed_stamp end,
-      unflushed = case when v_is_at_once then 0 else c.unflushed + 1 end;
-  if v_is_at_once then
-    perform semap.place_tracks_at(array(select s from semap.states_in(p_chunks) s));
-  elsif v_count.unflushed >= c_chunks_each then
-    perform semap.flush_positions(array[p_source_id]);
-  end if;
+  perform semap.store_states(v_source, p_chunks, v_found, v_is_stale);
+  perform semap.count_states(p_source_id, p_chunks, v_found.states, v_last, v_is_at_once);
   if v_late_pairs is not null then
     perform semap.take_late_pairs(v_source.map_id, v_late_pairs);
   end if;
   perform semap.note_newest(p_source_id, v_last, p_is_whole);
 end $$;
 
--- Take what one source says of many tracks at one stamp: a value for each of these tracks, or null in place of an array of
--- which nothing is known. All that the source has to say of that stamp is in it.
+-- Take what one source says of many tracks at one stamp: a value for each of these tracks, or null in place of an array
+-- of which nothing is known. All that the source has to say of that stamp is in it.
 create or replace function semap.add_states(
   source_id integer, stamp timestamptz, track_ids bigint[], x_m double precision[], y_m double precision[],
   z_m double precision[] default null, std_m real[] default null, is_last boolean[] default null,
@@ -194,7 +224,8 @@ begin
        cardinality(speed_mps), cardinality(length_m), cardinality(width_m), cardinality(std_across_m),
        cardinality(std_yaw_rad)]) then
     raise exception 'The arrays of a batch of states differ in length.'
-      using errcode = 'array_subscript_error', hint = 'Give each a value for each of track_ids, or null in place of the array.';
+      using errcode = 'array_subscript_error',
+            hint = 'Give each a value for each of track_ids, or null in place of the array.';
   elsif v_chunk.states = 0 then
     return;
   end if;
@@ -225,7 +256,8 @@ declare
   v_source_id  integer;
   v_chunks     semap.state_chunk[];
 begin
-  select source_id into v_source_id from (select track_id from new_state limit 1) n join semap.track_now using (track_id);
+  select source_id into v_source_id
+  from (select track_id from new_state limit 1) n join semap.track_now using (track_id);
   select array_agg(c) into v_chunks from (
     select semap.new_chunk(
       source_id => v_source_id, from_stamp => stamp, to_stamp => stamp, track_ids => array_agg(track_id),
@@ -242,10 +274,10 @@ begin
   if cardinality(v_chunks) > 1 and cardinality(v_chunks) > (select count(distinct track_id) from new_state) then
     v_chunks := array(
       select c
-      from (select array_agg(c) as chunks from (
-              select c, semap.half_hour((c).from_stamp) as half_hour,
-                     (row_number() over (partition by semap.half_hour((c).from_stamp) order by (c).from_stamp) - 1) / 240 as part
-              from unnest(v_chunks) c) n
+      from (select array_agg(c order by from_stamp) as chunks from (
+              select c, from_stamp, half_hour,
+                     (row_number() over (partition by half_hour order by from_stamp) - 1) / 240 as part
+              from unnest(v_chunks) c cross join lateral semap.half_hour(c.from_stamp) half_hour) n
             group by half_hour, part) g
       cross join lateral semap.chunks_of_tracks(g.chunks) c);
   end if;

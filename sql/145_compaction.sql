@@ -1,9 +1,10 @@
--- Chunks of many tracks at one stamp, which is how states come, are compacted to chunks of one track each, once: a track is
--- then read without the others, and takes a fifth of the room of a row of columns. It is done in the background, by the
--- worker, for some minutes of a source at once, and in one transaction, so that each reader sees each state once.
+-- Chunks of many tracks at one stamp, which is how states come, are compacted to chunks of one track each, once: a
+-- track is then read without the others, and takes a fifth of the room of a row of columns. It is done in the
+-- background, by the worker, for some minutes of a source at once, and in one transaction, so that each reader sees
+-- each state once.
 
--- Compact the oldest states of a source whose positions are flushed: of one half hour of the clock, of 240 stamps at most
--- and of so many at least, unless no more are to come in that half hour. Says of how many states.
+-- Compact the oldest states of a source whose positions are flushed: of one half hour of the clock, of 240 stamps at
+-- most and of so many at least, unless no more are to come in that half hour. Says of how many states.
 create or replace function semap.compact_states(p_source_id integer, p_least_stamps integer default 240) returns bigint
 language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
 declare
@@ -24,7 +25,8 @@ begin
     return 0;
   end if;
   select max(from_stamp), count(*), max(total) into v_to, v_stamps, v_states from (
-    select from_stamp, sum(states) as states, sum(sum(states)) over (order by from_stamp) as total from semap.state_chunk
+    select from_stamp, sum(states) as states, sum(sum(states)) over (order by from_stamp) as total
+    from semap.state_chunk
     where source_id = p_source_id and track_id is null and from_stamp >= v_from and from_stamp <= v_count.flushed_stamp
       and from_stamp < semap.half_hour(v_from) + interval '30 min'
     group by from_stamp order by from_stamp limit c_most_stamps) s

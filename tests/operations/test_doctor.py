@@ -124,16 +124,14 @@ def patient(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
         yield connection
 
 
-def test_late_states_of_packed_days_are_in_their_place(patient: psycopg.Connection) -> None:
-    """Those of days that are not packed yet are not."""
+def test_states_of_a_day_without_a_partition_are_told(patient: psycopg.Connection) -> None:
     with patient.transaction(force_rollback=True):
-        patient.execute("set session_replication_role = replica")
-        patient.execute("update semap.retention set pack_after = '3 d' where kind = 'states'")
-        late = "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now() - interval '%s d', 0, 0)"
-        patient.execute(late % 9)
         check = next(each for each in CONTENT_CHECKS if each.name == "partitions")
         assert list(check.look(patient)) == []
-        patient.execute(late % 1)
+        patient.execute(
+            "insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
+            " values (1, '2026-01-31Z', '2026-01-31Z', 1, '{1}', '{0}', '{0}')"
+        )
         assert [trouble.message for trouble in check.look(patient)] == [
             "rows of state_chunk lie in its default partition, and are slower to find"
         ]
