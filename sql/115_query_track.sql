@@ -1,10 +1,10 @@
--- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on name,
--- source and attributes. It is told when a track is inserted or changed, or the query is.
+-- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on
+-- name, source and attributes. It is told when a track is inserted or changed, or the query is.
 
 -- Both sides of each query, with what they ask for.
 create or replace view semap.query_side as
-  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled,
-         c.said
+  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs,
+         q.enabled, c.said
   from semap.continuous_query q
   cross join lateral (values
     (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_condition_id),
@@ -24,18 +24,22 @@ create or replace view semap.side_track as
            s.condition_id, s.said, t.name, (select name from semap.source n where n.source_id = t.source_id),
            t.attributes));
 
--- Which tracks each query with conditions on its subject is about, if regions keep it.
+-- Which tracks each side of a query that asks for more than any is about.
 create or replace view semap.query_track_wanted as
-  select query_id, track_id, map_id from semap.side_track
-  where not in_pairs and not is_object and (concept_id is not null or uids is not null or condition_id is not null);
+  select query_id, is_object, track_id, map_id from semap.side_track
+  where concept_id is not null or uids is not null or condition_id is not null;
 
 -- Say anew which tracks these queries are about, of these tracks or (null) of all of their maps.
 create or replace function semap.choose_tracks(p_query_ids integer[], p_track_ids bigint[]) returns void
 language plpgsql as $$
 begin
   delete from semap.query_track s
-  where (p_query_ids is null or s.query_id = any (p_query_ids)) and (p_track_ids is null or s.track_id = any (p_track_ids));
-  insert into semap.query_track (query_id, track_id, map_id)
-  select query_id, track_id, map_id from semap.query_track_wanted
-  where (p_query_ids is null or query_id = any (p_query_ids)) and (p_track_ids is null or track_id = any (p_track_ids));
+  where (p_query_ids is null or s.query_id = any (p_query_ids))
+    and (p_track_ids is null or s.track_id = any (p_track_ids))
+    and not exists (select from semap.query_track_wanted w
+                    where w.query_id = s.query_id and w.is_object = s.is_object and w.track_id = s.track_id);
+  insert into semap.query_track (query_id, is_object, track_id, map_id)
+  select query_id, is_object, track_id, map_id from semap.query_track_wanted
+  where (p_query_ids is null or query_id = any (p_query_ids)) and (p_track_ids is null or track_id = any (p_track_ids))
+  on conflict do nothing;
 end $$;

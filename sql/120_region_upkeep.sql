@@ -168,7 +168,7 @@ begin
     where c.region_id = any (v_changed)
       and case when r.careful then (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
                     and (r.subject is null or exists (select from semap.query_track s
-                                                   where s.query_id = r.query_id and s.track_id = t.track_id))
+                                                   where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
                else (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))
                     and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m)) end
   ), crossed as (
@@ -291,14 +291,14 @@ begin
         union all select instance_id from semap.region_wanted where query_id = any (v_query_ids)) i;
   if tg_op = 'UPDATE' then
     -- one that has only another name asks what it asked
-    perform semap.refresh_pairs(array_agg(query_id), null, is_other)
+    perform semap.refresh_pairs(array_agg(query_id), null, null, is_other)
     from (select n.query_id, not (n.enabled and o.enabled
                                   and to_jsonb(n) - '{name,payload,sql}'::text[] = to_jsonb(o) - '{name,payload,sql}'::text[]) as is_other
           from new_query n join old_query o using (query_id) where n.in_pairs or o.in_pairs) q
     group by is_other;
   elsif exists (select from semap.pair_side where query_id = any (v_query_ids))
-     or exists (select from semap.pair_member where query_id = any (v_query_ids)) then
-    perform semap.refresh_pairs(v_query_ids, null, true);
+     or exists (select from semap.pair_form where query_id = any (v_query_ids)) then
+    perform semap.refresh_pairs(v_query_ids, null, null, true);
   end if;
   return null;
 end $$;
@@ -317,7 +317,9 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where map_id in (select map_id from old_map);
   delete from semap.pair where map_id in (select map_id from old_map);
-  delete from semap.pair_member where map_id in (select map_id from old_map);
+  delete from semap.pair_instance where map_id in (select map_id from old_map);
+  delete from semap.pair_form where map_id in (select map_id from old_map);
+  delete from semap.followed_state where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
   delete from semap.relation_past where map_id in (select map_id from old_map);
   delete from semap.region where map_id in (select map_id from old_map);

@@ -1,6 +1,7 @@
--- Pairs: relations that regions cannot answer, between any two things of a map (docs/decisions/0014). Who takes part in
--- such a query, on which side, and where it is, is kept in pair_member: instances as long as they are on the map, tracks
--- as long as they live. A thing has one number (`key`): a track its id, an instance its id below zero.
+-- Pairs: relations that regions cannot answer, between any two things of a map (docs/decisions/0014). A thing has one
+-- number (`key`): a track its id, an instance its id below zero. Instances that take part are kept in pair_instance,
+-- with what the query compares of each; tracks that take part in `followed_state`, each where it was at the stamp up to
+-- which the pairs of its map are followed (sql/147).
 --
 -- Several sources move tracks of one map at once, and a pair may be of two of them: writers of maps that have such
 -- queries follow one another. The lock is taken after those of the regions and of the source (sql/020), before rows.
@@ -23,6 +24,13 @@ language sql immutable parallel safe as $$
     public.st_makepoint(p_x_max_m, p_y_max_m, (2 * p_query_id::double precision + p_is_object::integer + 0.25) * 1e8))
 $$;
 
+-- Whether a predicate compares more of a track than its place.
+create or replace function semap.compares_ground(p_predicate text, p_is_object boolean) returns boolean
+language sql immutable parallel safe as $$
+  select p_predicate = 'intersects'
+      or p_is_object and p_predicate in ('contains', 'covers', 'in_front_of', 'behind', 'left_of', 'right_of')
+$$;
+
 -- What of a track a predicate compares: its place, the ground that it covers, or what lies beside that.
 create or replace function semap.track_shape(
   p_predicate text, p_is_object boolean, p_distance_m double precision, p_x_m double precision, p_y_m double precision,
@@ -31,7 +39,8 @@ create or replace function semap.track_shape(
 language plpgsql immutable parallel safe as $$
 begin
   if p_predicate = 'intersects' or p_is_object and p_predicate in ('contains', 'covers') then
-    return coalesce(semap.track_footprint(p_x_m, p_y_m, p_heading_rad, p_length_m, p_width_m), public.st_point(p_x_m, p_y_m));
+    return coalesce(semap.track_footprint(p_x_m, p_y_m, p_heading_rad, p_length_m, p_width_m),
+                    public.st_point(p_x_m, p_y_m));
   elsif p_is_object and p_predicate in ('in_front_of', 'behind', 'left_of', 'right_of') then
     return semap.area_beside(semap.track_footprint(p_x_m, p_y_m, p_heading_rad, p_length_m, p_width_m),
                              p_heading_rad, p_predicate, p_distance_m);
@@ -41,7 +50,8 @@ end $$;
 
 -- What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.
 create or replace function semap.instance_shape(
-  p_predicate text, p_is_object boolean, p_distance_m double precision, p_shape public.geometry, p_yaw_rad double precision
+  p_predicate text, p_is_object boolean, p_distance_m double precision, p_shape public.geometry,
+  p_yaw_rad double precision
 ) returns public.geometry
 language sql immutable parallel safe as $$
   select case
@@ -59,7 +69,8 @@ create or replace view semap.pair_side as
 -- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline; an
 -- opening that was drawn as a line, or has no line, is crossed where it is passed.
 create or replace view semap.pair_instance_wanted as
-  select s.query_id, s.is_object, s.map_id, s.query_name, s.predicate, i.instance_id, i.uid, i.name, p.geometry as place,
+  select s.query_id, s.is_object, s.map_id, s.query_name, s.predicate, i.instance_id, i.uid, i.name,
+         p.geometry as place,
          semap.instance_shape(s.predicate, s.is_object, s.distance_m, c.geometry, y.yaw_rad) as shape,
          coalesce(a.z_min_m, d.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, d.z_max_m, 'infinity') as z_max_m,
          y.yaw_rad
@@ -72,7 +83,8 @@ create or replace view semap.pair_instance_wanted as
     select * from semap.doorway(i)
     where s.predicate = 'crosses' and a.geometry is null
       and i.concept_id in (select semap.concepts_below(semap.concept_named('Opening'))) offset 0) d on true
-  cross join lateral (select coalesce(a.geometry, d.line, case when s.predicate = 'on' then p.geometry end) as geometry) c
+  cross join lateral (select coalesce(a.geometry, d.line, case when s.predicate = 'on' then p.geometry end)
+                      as geometry) c
   cross join lateral (
     select case when s.is_object and s.predicate in ('in_front_of', 'behind', 'left_of', 'right_of')
                   or not s.is_object and s.predicate = 'facing'
@@ -86,27 +98,86 @@ create or replace view semap.pair_track_wanted as
   select query_id, is_object, map_id, query_name, predicate, distance_m, track_id, uid, name
   from semap.side_track where in_pairs and enabled;
 
--- Put tracks where these states say, each one of another track, on both sides of all queries; those that appear come in.
-create or replace function semap.place_tracks(p_states semap.arrival[], p_appeared bigint[]) returns void
-language plpgsql
-set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
+-- The sides of queries about pairs that tracks are on; `is_chosen`: only those in query_track are.
+create or replace view semap.track_side as
+  select query_id, is_object, map_id, predicate, distance_m,
+         concept_id is not null or uids is not null or condition_id is not null as is_chosen
+  from semap.pair_side where kind = 'track';
+
+-- The tracks that take part in these queries, of those that are at these places: what the query compares of each, and
+-- how far that reaches from its place.
+create or replace function semap.track_members(p_query_ids integer[], p_places semap.track_state[])
+returns table (query_id integer, is_object boolean, key bigint, stamp timestamptz, x_m double precision,
+               y_m double precision, z_m double precision, yaw_rad double precision, shape public.geometry,
+               half_m double precision)
+language plpgsql stable rows 1000 as $$
+#variable_conflict use_column
+declare
+  v_side  record;
 begin
-  if p_appeared is not null then
-    insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, uid, name)
-    select query_id, is_object, map_id, query_name, track_id, uid, name
-    from semap.pair_track_wanted where track_id = any (p_appeared)
-    on conflict do nothing;
-  end if;
-  update semap.pair_member m
-  set stamp = a.stamp, place = st_point(a.x_m, a.y_m), shape = s.shape, yaw_rad = a.heading_rad,
-      z_min_m = a.z_m, z_max_m = a.z_m,
-      box = semap.pair_box(floor(st_xmin(s.shape) / 2) * 2, floor(st_ymin(s.shape) / 2) * 2,
-                           ceil(st_xmax(s.shape) / 2) * 2, ceil(st_ymax(s.shape) / 2) * 2, m.query_id, m.is_object)
-  from unnest(p_states) a
-  -- each is found once by its key and then by its place, whatever was known of the table when this was planned
-  cross join lateral (select k.*, k.ctid as row_place from semap.pair_member k where k.key = a.track_id offset 0) n
-  cross join lateral (select predicate, distance_m from semap.continuous_query c where c.query_id = n.query_id offset 0) q
-  cross join lateral (select semap.track_shape(q.predicate, n.is_object, q.distance_m, a.x_m, a.y_m,
-                                               a.heading_rad, a.length_m, a.width_m) as shape offset 0) s
-  where m.ctid = n.row_place;
+  for v_side in select * from semap.track_side s where s.query_id = any (p_query_ids) loop
+    if semap.compares_ground(v_side.predicate, v_side.is_object) then
+      return query
+        select v_side.query_id, v_side.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m,
+               p.heading_rad::double precision, g.shape,
+               greatest(st_xmax(g.shape) - p.x_m, p.x_m - st_xmin(g.shape), st_ymax(g.shape) - p.y_m,
+                        p.y_m - st_ymin(g.shape))
+        from unnest(p_places) p
+        cross join lateral semap.track_shape(v_side.predicate, v_side.is_object, v_side.distance_m, p.x_m, p.y_m,
+                                             p.heading_rad, p.length_m, p.width_m) g (shape)
+        where not v_side.is_chosen or exists (
+          select from semap.query_track t
+          where t.query_id = v_side.query_id and t.is_object = v_side.is_object and t.track_id = p.track_id);
+    else
+      return query
+        select v_side.query_id, v_side.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m,
+               p.heading_rad::double precision,
+               st_point(p.x_m, p.y_m), 0.0::double precision
+        from unnest(p_places) p
+        where not v_side.is_chosen or exists (
+          select from semap.query_track t
+          where t.query_id = v_side.query_id and t.is_object = v_side.is_object and t.track_id = p.track_id);
+    end if;
+  end loop;
 end $$;
+
+-- A row of followed_state as a state.
+create or replace function semap.followed_track_state(p_followed semap.followed_state) returns semap.track_state
+language sql immutable parallel safe as $$
+  select row(p_followed.track_id, p_followed.stamp, p_followed.x_m, p_followed.y_m, p_followed.z_m, p_followed.std_m,
+             false,
+             p_followed.heading_rad, p_followed.speed_mps, p_followed.length_m, p_followed.width_m,
+             p_followed.std_across_m,
+             p_followed.std_yaw_rad)::semap.track_state
+$$;
+
+-- Keep where these tracks of a map are (p_places, of more tracks): those that are nowhere have ended.
+create or replace function semap.keep_followed(p_map_id integer, p_track_ids bigint[], p_places semap.track_state[])
+returns void
+language sql as $$
+  with gone as (
+    delete from semap.followed_state f using unnest(p_track_ids) id left join unnest(p_places) p on p.track_id = id
+    where p.track_id is null and f.track_id = id
+  )
+  insert into semap.followed_state (track_id, map_id, cell_x, cell_y, stamp, x_m, y_m, z_m, std_m, heading_rad,
+                                    speed_mps,
+                                    length_m, width_m, std_across_m, std_yaw_rad)
+  select p.track_id, p_map_id, floor(p.x_m / 8)::integer, floor(p.y_m / 8)::integer, p.stamp, p.x_m, p.y_m, p.z_m,
+         p.std_m,
+         p.heading_rad, p.speed_mps, p.length_m, p.width_m, p.std_across_m, p.std_yaw_rad
+  from unnest(p_track_ids) id join unnest(p_places) p on p.track_id = id
+  on conflict (track_id) do update
+  set cell_x = excluded.cell_x, cell_y = excluded.cell_y, stamp = excluded.stamp,
+      x_m = excluded.x_m, y_m = excluded.y_m, z_m = excluded.z_m, std_m = excluded.std_m,
+      heading_rad = excluded.heading_rad,
+      speed_mps = excluded.speed_mps, length_m = excluded.length_m, width_m = excluded.width_m,
+      std_across_m = excluded.std_across_m, std_yaw_rad = excluded.std_yaw_rad
+$$;
+
+-- Where the tracks of a map are as its pairs see them, of these or (null) of all.
+create or replace function semap.followed_places(p_map_id integer, p_track_ids bigint[] default null)
+returns semap.track_state[]
+language sql stable as $$
+  select coalesce(array_agg(semap.followed_track_state(f)), '{}') from semap.followed_state f
+  where f.map_id = p_map_id and (p_track_ids is null or f.track_id = any (p_track_ids))
+$$;

@@ -13,14 +13,18 @@ declare
 begin
   if p_predicate = 'intersects' and p_subject_key > 0 and p_object_key > 0 then
     return (abs(p_subject_z_min_m - p_object_z_min_m) <= 1) is not false;
-  elsif p_predicate = 'intersects' or p_subject_key < 0 and p_object_key < 0 and p_predicate not in ('contains', 'covers') then
-    return (p_subject_z_min_m <= p_object_z_max_m + v_by_m and p_subject_z_max_m >= p_object_z_min_m - v_by_m) is not false;
+  elsif p_predicate = 'intersects' or p_subject_key < 0 and p_object_key < 0
+    and p_predicate not in ('contains', 'covers') then
+    return (p_subject_z_min_m <= p_object_z_max_m + v_by_m
+            and p_subject_z_max_m >= p_object_z_min_m - v_by_m) is not false;
   elsif p_predicate = 'within_distance' and p_subject_key < 0 then
-    return (p_object_z_min_m >= p_subject_z_min_m - v_by_m and p_object_z_min_m < p_subject_z_max_m + v_by_m) is not false;
+    return (p_object_z_min_m >= p_subject_z_min_m - v_by_m
+            and p_object_z_min_m < p_subject_z_max_m + v_by_m) is not false;
   elsif p_object_key > 0 then
     return true;
   elsif p_subject_key > 0 then
-    return (p_subject_z_min_m >= p_object_z_min_m - v_by_m and p_subject_z_min_m < p_object_z_max_m + v_by_m) is not false;
+    return (p_subject_z_min_m >= p_object_z_min_m - v_by_m
+            and p_subject_z_min_m < p_object_z_max_m + v_by_m) is not false;
   end if;
   return p_subject_z_min_m >= p_object_z_min_m and p_subject_z_max_m <= p_object_z_max_m;
 end $$;
@@ -31,7 +35,8 @@ create or replace function semap.is_facing(
 ) returns boolean
 language sql immutable parallel safe as $$
   select (x_m <> 0 or y_m <> 0)
-     and abs(atan2(cos(p_yaw_rad) * y_m - sin(p_yaw_rad) * x_m, cos(p_yaw_rad) * x_m + sin(p_yaw_rad) * y_m)) <= p_angle_rad
+     and abs(atan2(cos(p_yaw_rad) * y_m - sin(p_yaw_rad) * x_m,
+                   cos(p_yaw_rad) * x_m + sin(p_yaw_rad) * y_m)) <= p_angle_rad
   from (select public.st_x(p_to) - public.st_x(p_from) as x_m, public.st_y(p_to) - public.st_y(p_from) as y_m) d
 $$;
 

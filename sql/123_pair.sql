@@ -1,342 +1,431 @@
--- Pairs are compared where one of the two moved, appeared, or was edited: with all that may be in reach of it, found by
--- the index of boxes, and with all that it is known to be paired with. A pair has a row while there is something to
--- remember of it: `held` is the relation, `inside` what it follows once that has lasted.
+-- Pairs are followed on values: where tracks are, and what pairs were to each other, go in; what they are now, and what
+-- began and ended, come out. Nothing is written here, so that the present (sql/147), the past (sql/128) and edits
+-- (sql/126) are followed by the same functions. A pair is compared where one of the two moved, appeared, or was edited:
+-- with all that may be in reach of it, and with all that it has a state with. A pair has a state while there is
+-- something to remember.
 
--- Which pairs have to be compared after these things moved (or any other of the same query was taken away, for nearest);
--- is_nearest says of `nearest`, whose pairs depend on third ones, what holds.
-create or replace function semap.pair_candidates(p_query_ids integer[], p_keys bigint[])
-returns table (query_id integer, subject_key bigint, object_key bigint, is_nearest boolean)
-language plpgsql stable
-set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
-#variable_conflict use_column
+-- How far two things may be apart for a query about pairs to hold (infinite: any distance), and which kinds they are
+-- of.
+create or replace view semap.pair_reach as
+  select query_id, map_id, predicate, subject_kind, object_kind,
+         case when predicate in ('within_distance', 'approaching') then distance_m
+              when predicate = 'facing' then coalesce(distance_m, 'infinity')
+              else 0 end + 1e-9 as reach_m
+  from semap.continuous_query
+  where in_pairs and enabled and predicate not in ('nearest', 'crosses');
+
+-- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells
+-- are as wide as the query reaches.
+create or replace function semap.tracks_in_reach(
+  p_query_id integer, p_reach_m double precision, p_moved semap.track_state[], p_others semap.track_state[]
+) returns table (query_id integer, subject_key bigint, object_key bigint)
+language plpgsql stable as $$
+declare
+  v_cell_m  double precision;
 begin
-  if exists (select from semap.continuous_query q where q.query_id = any (p_query_ids) and q.predicate = 'nearest') then
+  if p_reach_m = 'infinity' then
     return query
-      with concerned as materialized (
-        select s.query_id, s.key, s.shape, q.count, q.distance_m
-        from semap.continuous_query q
-        join semap.pair_member s on s.query_id = q.query_id and not s.is_object
-        where q.query_id = any (p_query_ids) and q.predicate = 'nearest'
-          and (s.key = any (p_keys) or exists (
-            select from semap.pair_member m where m.key = any (p_keys) and m.query_id = q.query_id and m.is_object))
-      ), ranked as (
-        select c.query_id, c.key as subject_key, n.key as object_key
-        from concerned c cross join lateral semap.nearest_members(c.query_id, c.key, c.shape, c.count, c.distance_m) n (key)
-      )
-      select query_id, subject_key, object_key, true from ranked
-      union all
-      select p.query_id, p.subject_key, p.object_key, false
-      from concerned c join semap.pair p on p.query_id = c.query_id and p.subject_key = c.key
-      where not exists (select from ranked r
-                        where r.query_id = p.query_id and r.subject_key = p.subject_key and r.object_key = p.object_key);
+      select p_query_id, s.key, o.key
+      from semap.track_members(array[p_query_id], p_moved || p_others) s
+      join semap.track_members(array[p_query_id], p_moved || p_others) o on o.is_object and o.key <> s.key
+      where not s.is_object
+        and exists (select from unnest(p_moved) m where m.track_id in (s.key, o.key));
+    return;
   end if;
-  -- boxes alone are looked up: of the other conditions none fits an index. What moved finds the others as a subject, and as
-  -- an object those subjects that stood still.
+  select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_cell_m
+  from semap.track_side s cross join lateral semap.track_members(array[p_query_id], p_moved || p_others) m
+  where s.query_id = p_query_id and semap.compares_ground(s.predicate, s.is_object);
   return query
-    with asked as materialized (
-      select c.query_id, case when c.predicate in ('within_distance', 'approaching') then c.distance_m
-                              when c.predicate = 'facing' then coalesce(c.distance_m, 'infinity')
-                              else 0 end + 1e-9 as reach_m,
-             (select count(*) from semap.pair_member s where s.query_id = c.query_id and not s.is_object)
-             > (select count(*) from semap.pair_member s
-                where s.key = any (p_keys) and s.query_id = c.query_id and not s.is_object) as have_others
-      from semap.continuous_query c
-      where c.query_id = any (p_query_ids) and c.predicate not in ('nearest', 'crosses')
-    ), moved as materialized (
-      select m.key, m.query_id, m.is_object, m.shape, q.reach_m,
-             semap.pair_box(st_xmin(m.shape) - q.reach_m, st_ymin(m.shape) - q.reach_m,
-                            st_xmax(m.shape) + q.reach_m, st_ymax(m.shape) + q.reach_m, m.query_id, not m.is_object) as box
-      from asked q
-      join semap.pair_member m on m.key = any (p_keys) and m.query_id = q.query_id
-      where not m.is_object or q.have_others
+    with celled as materialized (
+      select m.*, floor(m.x_m / v_cell_m)::bigint as cell_x, floor(m.y_m / v_cell_m)::bigint as cell_y
+      from (select t.*, true as is_moved from semap.track_members(array[p_query_id], p_moved) t
+            union all
+            select t.*, false from semap.track_members(array[p_query_id], p_others) t) m
     )
-    select m.query_id, case when m.is_object then o.key else m.key end, case when m.is_object then m.key else o.key end, false
-    from moved m
-    cross join lateral (
-      select o.key from semap.pair_member o
-      where o.box &&& m.box and o.query_id is not distinct from m.query_id and o.is_object is distinct from m.is_object
-        and o.key is distinct from m.key and st_dwithin(o.shape, m.shape, m.reach_m) offset 0) o
-    where m.reach_m < 'infinity'
-    union
-    select m.query_id, case when m.is_object then o.key else m.key end, case when m.is_object then m.key else o.key end, false
-    from moved m
-    join semap.pair_member o on o.query_id = m.query_id and o.is_object = not m.is_object and o.key <> m.key
-    where m.reach_m = 'infinity'
-    union
-    select p.query_id, p.subject_key, p.object_key, false from semap.pair p
-    where p.subject_key = any (p_keys) and p.query_id = any (p_query_ids)
-      and p.query_id not in (select c.query_id from semap.continuous_query c where c.predicate = 'nearest')
-    union
-    select p.query_id, p.subject_key, p.object_key, false from semap.pair p
-    where p.object_key = any (p_keys) and p.query_id = any (p_query_ids)
-      and p.query_id not in (select c.query_id from semap.continuous_query c where c.predicate = 'nearest');
+    select p_query_id, case when a.is_object then o.key else a.key end, case when a.is_object then a.key else o.key end
+    from celled a
+    cross join unnest(array[-1, 0, 1]) dx cross join unnest(array[-1, 0, 1]) dy
+    join celled o on o.cell_x = a.cell_x + dx and o.cell_y = a.cell_y + dy
+    where a.is_moved and o.is_object <> a.is_object and o.key <> a.key and not (a.is_object and o.is_moved)
+      and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m
+        and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
+      and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);
 end $$;
 
--- The objects of a query that are nearest to a subject, seen from above; of two that are as near, that of the lesser uid.
--- Any few of them say how far away the last one can be at most; those that are no further are looked at.
-create or replace function semap.nearest_members(
+-- Pairs of a track and an instance that may be in reach of each other, of which the track moved or the instance was
+-- edited; and of two instances, one of which was edited.
+create or replace function semap.instances_in_reach(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[]
+) returns table (query_id integer, subject_key bigint, object_key bigint)
+language plpgsql stable set plan_cache_mode = force_generic_plan as $$
+#variable_conflict use_column
+begin
+  -- boxes alone are looked up: of the other conditions none fits an index
+  return query
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
+    from semap.track_members(p_query_ids, p_moved) m
+    join semap.pair_reach r using (query_id)
+    cross join lateral (
+      select i.instance_id from semap.pair_instance i
+      where i.box &&& semap.pair_box(st_xmin(m.shape) - r.reach_m, st_ymin(m.shape) - r.reach_m,
+                                     st_xmax(m.shape) + r.reach_m,
+                                     st_ymax(m.shape) + r.reach_m, m.query_id, not m.is_object)
+        and i.query_id is not distinct from m.query_id and i.is_object is distinct from m.is_object
+        and st_dwithin(i.shape, m.shape, r.reach_m) offset 0) i
+    where 'instance' in (r.subject_kind, r.object_kind) and r.reach_m < 'infinity'
+    union all
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
+    from semap.track_members(p_query_ids, p_moved) m
+    join semap.pair_reach r using (query_id)
+    join semap.pair_instance i on i.query_id = m.query_id and i.is_object <> m.is_object
+    where r.reach_m = 'infinity';
+  if p_edited_ids is null then
+    return;
+  end if;
+  return query
+    select m.query_id, case when m.is_object then -i.instance_id else m.key end,
+           case when m.is_object then m.key else -i.instance_id end
+    from semap.pair_instance i
+    join semap.track_members(p_query_ids, p_moved || p_others) m on m.query_id = i.query_id
+      and m.is_object <> i.is_object
+    join semap.pair_reach r on r.query_id = i.query_id
+    where i.instance_id = any (p_edited_ids)
+      and (r.reach_m = 'infinity' or st_dwithin(i.shape, m.shape, r.reach_m))
+    union all
+    select i.query_id, case when i.is_object then -o.instance_id else -i.instance_id end,
+           case when i.is_object then -i.instance_id else -o.instance_id end
+    from semap.pair_instance i
+    join semap.pair_reach r using (query_id)
+    cross join lateral (
+      select o.instance_id from semap.pair_instance o
+      where (r.reach_m = 'infinity'
+             or o.box &&& semap.pair_box(st_xmin(i.shape) - r.reach_m, st_ymin(i.shape) - r.reach_m,
+                                         st_xmax(i.shape) + r.reach_m,
+                                         st_ymax(i.shape) + r.reach_m, i.query_id, not i.is_object)
+                and st_dwithin(o.shape, i.shape, r.reach_m))
+        and o.query_id = i.query_id and o.is_object <> i.is_object and o.instance_id <> i.instance_id) o
+    where i.instance_id = any (p_edited_ids) and i.query_id = any (p_query_ids);
+end $$;
+
+-- The instances of a query that are nearest to a shape, seen from above; of two that are as near, that of the lesser
+-- uid. Any few of them say how far away the last one can be at most; those that are no further are looked at.
+create or replace function semap.nearest_instances(
   p_query_id integer, p_key bigint, p_shape public.geometry, p_count integer, p_distance_m double precision
 ) returns setof bigint
 language plpgsql stable
 set enable_seqscan = off set plan_cache_mode = force_generic_plan as $$
 declare
-  v_box      public.geometry := semap.pair_box(st_xmin(p_shape), st_ymin(p_shape), st_xmax(p_shape), st_ymax(p_shape),
-                                               p_query_id, true);
+  v_box       public.geometry := semap.pair_box(st_xmin(p_shape), st_ymin(p_shape), st_xmax(p_shape), st_ymax(p_shape),
+                                                p_query_id, true);
   v_within_m  double precision;
 begin
   select case when count(*) = p_count then max(st_distance(f.shape, p_shape)) end into v_within_m
-  from (select o.shape from semap.pair_member o
-        where o.query_id is not distinct from p_query_id and o.is_object is not false and o.key <> p_key
-          and o.shape is not null
+  from (select o.shape from semap.pair_instance o
+        where o.query_id is not distinct from p_query_id and o.is_object is not false and -o.instance_id <> p_key
         order by o.box <<->> v_box limit p_count) f;
   v_within_m := least(v_within_m, p_distance_m);
   if v_within_m is null then
     return query
-      select o.key from semap.pair_member o
-      where o.query_id = p_query_id and o.is_object and o.key <> p_key and o.shape is not null
+      select -o.instance_id from semap.pair_instance o
+      where o.query_id = p_query_id and o.is_object and -o.instance_id <> p_key
       order by st_distance(o.shape, p_shape), o.uid limit p_count;
     return;
   end if;
   v_box := semap.pair_box(st_xmin(p_shape) - v_within_m, st_ymin(p_shape) - v_within_m,
                           st_xmax(p_shape) + v_within_m, st_ymax(p_shape) + v_within_m, p_query_id, true);
   return query
-    select o.key from semap.pair_member o
-    where o.box &&& v_box and o.query_id is not distinct from p_query_id and o.is_object is not false and o.key <> p_key
-      and st_distance(o.shape, p_shape) <= v_within_m
+    select -o.instance_id from semap.pair_instance o
+    where o.box &&& v_box and o.query_id is not distinct from p_query_id and o.is_object is not false
+      and -o.instance_id <> p_key and st_distance(o.shape, p_shape) <= v_within_m
     order by st_distance(o.shape, p_shape), o.uid limit p_count;
 end $$;
 
--- Compare the pairs of these things and keep what they are to each other; give what began and ended by it. What appeared
--- now, and (cause `map`) what was edited, is where the boundary says at once. A pair's moment is the later of those of
--- its sides and of what moved (p_at); of two instances it is that of the edit.
-create or replace function semap.settle_pairs(
-  p_query_ids integer[], p_keys bigint[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause
-) returns semap.pair_change[]
-language plpgsql
-set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
+-- What is nearest to each subject that moved, or, where an object moved, was edited or is gone (p_gone_ids: of these
+-- queries), to each: all pairs of these subjects that hold, and those of p_pairs that do so no more.
+create or replace function semap.nearest_pairs(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
+  p_gone_ids integer[], p_pairs semap.relation_state[]
+) returns table (query_id integer, subject_key bigint, object_key bigint, is_nearest boolean)
+language plpgsql stable set plan_cache_mode = force_generic_plan as $$
+#variable_conflict use_column
 declare
-  v_now      timestamptz := clock_timestamp();
-  v_changes  semap.pair_change[];
+  v_ids  constant integer[] := array(select q.query_id from semap.continuous_query q
+                                     where q.query_id = any (p_query_ids) and q.predicate = 'nearest');
 begin
-  with compared as materialized (
-    select c.query_id, c.subject_key, c.object_key, s.map_id, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
-           p.pair_id, coalesce(p.held, false) as held, coalesce(p.inside, false) as inside, p.inside_at, p.since,
-           p.distance_m as before_m, p.distance_at as before_at, w.appears, w.appears or p_cause = 'map' as is_fresh,
-           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), p.since, p.inside_at, p.distance_at) as at,
-           r.distance_m,
+  if v_ids = '{}' then
+    return;
+  end if;
+  return query
+    with member as materialized (
+      select t.*, true as is_moved from semap.track_members(v_ids, p_moved) t
+      union all
+      select t.*, false from semap.track_members(v_ids, p_others) t
+    ), changed as (
+      select m.query_id from member m where m.is_object and m.is_moved
+      union select i.query_id from semap.pair_instance i where i.is_object and i.instance_id = any (p_edited_ids)
+      union select unnest(p_gone_ids)
+    ), subject as (
+      select m.query_id, m.key, m.shape, m.is_moved from member m where not m.is_object
+      union all
+      select i.query_id, -i.instance_id, i.shape, (i.instance_id = any (p_edited_ids)) is true
+      from semap.pair_instance i where i.query_id = any (v_ids) and not i.is_object
+    ), concerned as materialized (
+      select s.query_id, s.key, s.shape, q.count, q.distance_m, q.object_kind
+      from subject s join semap.continuous_query q using (query_id)
+      where s.is_moved or s.query_id in (table changed)
+    ), object as materialized (
+      select m.query_id, m.key, m.shape, k.uid from member m join semap.track k on k.track_id = m.key where m.is_object
+    ), ranked as (
+      select c.query_id, c.key as subject_key, n.key as object_key
+      from concerned c cross join lateral semap.nearest_instances(c.query_id, c.key, c.shape, c.count,
+                                                                  c.distance_m) n (key)
+      where c.object_kind = 'instance'
+      union all
+      select c.query_id, c.key, n.key
+      from concerned c
+      cross join lateral (
+        select o.key from object o
+        where o.query_id = c.query_id and o.key <> c.key
+          and (c.distance_m is null or st_distance(o.shape, c.shape) <= c.distance_m)
+        order by st_distance(o.shape, c.shape), o.uid limit c.count) n
+      where c.object_kind = 'track'
+    )
+    select r.query_id, r.subject_key, r.object_key, true from ranked r
+    union all
+    select p.query_id, p.subject_key, p.object_key, false
+    from concerned c join unnest(p_pairs) p on p.query_id = c.query_id and p.subject_key = c.key
+    where not exists (select from ranked r
+                      where r.query_id = p.query_id and r.subject_key = p.subject_key and r.object_key = p.object_key);
+end $$;
+
+-- Which pairs have to be compared after these tracks moved or instances were edited; is_nearest says of `nearest`,
+-- whose pairs depend on third ones, what holds.
+create or replace function semap.pair_candidates(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
+  p_gone_ids integer[], p_pairs semap.relation_state[]
+) returns table (query_id integer, subject_key bigint, object_key bigint, is_nearest boolean)
+language plpgsql stable as $$
+#variable_conflict use_column
+begin
+  return query
+    select t.*, false
+    from semap.pair_reach r cross join lateral semap.tracks_in_reach(r.query_id, r.reach_m, p_moved, p_others) t
+    where r.query_id = any (p_query_ids) and r.subject_kind = 'track' and r.object_kind = 'track';
+  if exists (select from semap.pair_reach r where r.query_id = any (p_query_ids)
+             and 'instance' in (r.subject_kind, r.object_kind)) then
+    return query select distinct i.*, false
+      from semap.instances_in_reach(p_query_ids, p_moved, p_others, p_edited_ids) i;
+  end if;
+  return query
+    select n.* from semap.nearest_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) n;
+  -- what it has a state with
+  return query
+    select p.query_id, p.subject_key, p.object_key, false
+    from unnest(p_pairs) p
+    join semap.pair_reach r using (query_id)
+    join (select m.track_id as key from unnest(p_moved) m union all select -i from unnest(p_edited_ids) i) s
+      on s.key = p.subject_key
+    where p.query_id = any (p_query_ids)
+    union
+    select p.query_id, p.subject_key, p.object_key, false
+    from unnest(p_pairs) p
+    join semap.pair_reach r using (query_id)
+    join (select m.track_id as key from unnest(p_moved) m union all select -i from unnest(p_edited_ids) i) o
+      on o.key = p.object_key
+    where p.query_id = any (p_query_ids);
+end $$;
+
+-- What is seen of pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances
+-- were edited, or objects of `nearest` went. What appeared now, and (cause `map`) what was edited, is where the
+-- boundary says at once. A pair's moment is the later of those of its sides and of what moved (p_at); of two instances
+-- it is that of the edit.
+create or replace function semap.observed_pairs(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
+  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
+  p_pairs semap.relation_state[]
+) returns table (
+  before semap.relation_state, seen semap.observation, enter_confirm interval, leave_confirm interval, appears boolean
+)
+language sql stable as $$
+  with place as materialized (
+    select p.* from unnest(p_moved) p union all select p.* from unnest(p_others) p
+  ), candidate as materialized (
+    select distinct c.query_id, c.subject_key, c.object_key, c.is_nearest
+    from semap.pair_candidates(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) c
+  ), compared as materialized (
+    select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
+           w.appears,
+           w.appears or p_cause = 'map' as is_fresh, r.distance_m,
+           coalesce(p, semap.no_relation(c.query_id, c.subject_key, c.object_key)) as before,
+           greatest(coalesce(greatest(s.stamp, o.stamp, p_at), clock_timestamp()), p.since, p.pending_at,
+                    p.distance_at) as at,
            case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,
            case when q.predicate = 'nearest' then c.is_nearest else r.enters end as enters,
            case when q.predicate = 'nearest' then not c.is_nearest else r.leaves end as leaves
-    from semap.pair_candidates(p_query_ids, p_keys) c
+    from candidate c
     join semap.continuous_query q on q.query_id = c.query_id
-    -- members are looked up by what they are, whatever was known of the table when this was planned
-    cross join lateral (select * from semap.pair_member m
-                        where m.key = c.subject_key and m.query_id is not distinct from c.query_id
-                          and m.is_object is not true offset 0) s
-    cross join lateral (select * from semap.pair_member m
-                        where m.key = c.object_key and m.query_id is not distinct from c.query_id
-                          and m.is_object is not false offset 0) o
-    left join semap.pair p
+    left join unnest(p_pairs) p
       on p.query_id = c.query_id and p.subject_key = c.subject_key and p.object_key = c.object_key
+    left join place s on s.track_id = c.subject_key
+    left join place o on o.track_id = c.object_key
+    left join semap.pair_instance si on si.instance_id = -c.subject_key and si.query_id = c.query_id
+      and not si.is_object
+    left join semap.pair_instance oi on oi.instance_id = -c.object_key and oi.query_id = c.query_id and oi.is_object
     cross join lateral (
       select (c.subject_key = any (p_appeared) or c.object_key = any (p_appeared)) is true as appears) w
     cross join lateral semap.pair_stands(
-      q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, c.subject_key, c.object_key,
-      s.place, s.shape, s.z_min_m, s.z_max_m, s.yaw_rad, o.place, o.shape, o.z_min_m, o.z_max_m) r
-  ), told as (
+      q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, c.subject_key,
+      c.object_key,
+      coalesce(si.place, st_point(s.x_m, s.y_m)),
+      case when si.shape is not null then si.shape when not semap.compares_ground(q.predicate, false)
+        then st_point(s.x_m, s.y_m)
+           else semap.track_shape(q.predicate, false, q.distance_m, s.x_m, s.y_m, s.heading_rad, s.length_m,
+                                  s.width_m) end,
+      coalesce(si.z_min_m, s.z_m), coalesce(si.z_max_m, s.z_m), coalesce(si.yaw_rad, s.heading_rad),
+      coalesce(oi.place, st_point(o.x_m, o.y_m)),
+      case when oi.shape is not null then oi.shape when not semap.compares_ground(q.predicate, true)
+        then st_point(o.x_m, o.y_m)
+           else semap.track_shape(q.predicate, true, q.distance_m, o.x_m, o.y_m, o.heading_rad, o.length_m,
+                                  o.width_m) end,
+      coalesce(oi.z_min_m, o.z_m), coalesce(oi.z_max_m, o.z_m)) r
+    where (s.track_id is not null or si.instance_id is not null)
+      and (o.track_id is not null or oi.instance_id is not null)
+  ), observed as (
     -- of `approaching`, side has said so far that the two are near enough
     select c.*, c.predicate = 'approaching' and side as is_near,
            case when is_fresh then side and predicate <> 'approaching'
                 when predicate = 'approaching' then
-                  side and case when at > before_at then before_m - distance_m >= speed_mps * extract(epoch from at - before_at)
-                                else inside end
-                when inside then not leaves else enters end as now_inside
+                  side and case when at > (before).distance_at
+                                then (before).distance_m - distance_m
+                                    >= speed_mps * extract(epoch from at - (before).distance_at)
+                                else (before).pending end
+                when (before).pending then not leaves else enters end as raw
     from compared c
-  ), timed as (
-    select t.*, case when now_inside <> inside or is_fresh then at else inside_at end as now_inside_at from told t
-  ), followed as (
-    select t.*, case when is_fresh or now_inside = held then now_inside
-                     when at >= now_inside_at + case when now_inside then enter_confirm else leave_confirm end then now_inside
-                     else held end as now_held
-    from timed t
-  ), kept as (
-    insert into semap.pair as p (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                                 held, since, inside, inside_at, distance_m, distance_at)
-    select map_id, query_id, case when subject_key > 0 then subject_key end, case when subject_key < 0 then -subject_key end,
-           case when object_key < 0 then -object_key end, case when object_key > 0 then object_key end,
-           now_held, case when not now_held then null when held then since else now_inside_at end,
-           now_inside, now_inside_at,
-           case when is_near then case when at > before_at or is_fresh or before_at is null then distance_m else before_m end end,
-           case when is_near then case when at > before_at or is_fresh or before_at is null then at else before_at end end
-    from followed where now_held or now_inside or is_near
-    on conflict (query_id, subject_key, object_key) do update
-    set held = excluded.held, since = excluded.since, inside = excluded.inside, inside_at = excluded.inside_at,
-        distance_m = excluded.distance_m, distance_at = excluded.distance_at
-    where (p.held, p.inside, p.inside_at, p.distance_m, p.distance_at)
-          is distinct from (excluded.held, excluded.inside, excluded.inside_at, excluded.distance_m, excluded.distance_at)
-  ), forgotten as (
-    delete from semap.pair
-    where pair_id = any (array(select pair_id from followed where pair_id is not null
-                                                              and not (now_held or now_inside or is_near)))
   )
-  select array_agg(row(query_id, subject_key, object_key, case when now_held then 'began' else 'ended' end,
-                       case when appears and now_held then 'appeared' else p_cause end, at,
-                       now_inside_at, case when now_held then now_inside_at else least(since, now_inside_at) end,
-                       null, null, null)::semap.pair_change)
-  into v_changes from followed where now_held <> held;
-  return v_changes;
-end $$;
-
--- Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past. What happens
--- has an identity of its own, so that a replay gives the same one; where it would happen twice at one stamp (sources
--- that say the past of each other, edits of the map) a random one.
-create or replace function semap.record_pair_changes(p_changes semap.pair_change[]) returns void
-language plpgsql as $$
-begin
-  if p_changes is null then
-    return;
-  end if;
-  with told as materialized (
-    select c.*, s.map_id, s.query_name, s.track_id, s.instance_id as subject_instance_id, s.name as subject_name,
-           s.uid as subject_uid, o.instance_id, o.track_id as object_track_id, o.name as object_name, o.uid as object_uid,
-           semap.change_uid(s.query_name || '|' || coalesce(extract(epoch from s.stamp) || '', '')
-                            || '|' || coalesce(extract(epoch from o.stamp) || '', '') || '|' || coalesce(c.x_m || '|' || c.y_m, ''),
-                            s.uid, o.uid, c.kind, c.cause::text, c.edge_at) as uid
-    from unnest(p_changes) with ordinality
-      as c (query_id, subject_key, object_key, kind, cause, stamp, edge_at, since, x_m, y_m, direction, place)
-    cross join lateral (select * from semap.pair_member m
-                        where m.key = c.subject_key and m.query_id is not distinct from c.query_id
-                          and m.is_object is not true offset 0) s
-    cross join lateral (select * from semap.pair_member m
-                        where m.key = c.object_key and m.query_id is not distinct from c.query_id
-                          and m.is_object is not false offset 0) o
-  ), changed as (
-    insert into semap.relation_change (
-      uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-      instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction)
-    select case when t.cause = 'map' or exists (select from semap.relation_change h where h.uid = t.uid)
-                  or row_number() over (partition by t.uid order by t.place) > 1 then gen_random_uuid() else t.uid end,
-           map_id, query_id, query_name, track_id, case when track_id is not null then subject_name end,
-           subject_instance_id, case when subject_instance_id is not null then subject_name end,
-           instance_id, case when instance_id is not null then object_name end,
-           object_track_id, case when object_track_id is not null then object_name end,
-           kind::semap.change_kind, cause, stamp, edge_at, since, x_m, y_m, direction
-    from told t
-    order by stamp, edge_at, subject_name collate "C", subject_uid, cause = 'disappeared', kind::semap.change_kind desc,
-             object_name collate "C", object_uid, query_id, place
-  )
-  insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                   subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
-                                   since, until)
-  select map_id, query_id, query_name, track_id, case when track_id is not null then subject_name end,
-         subject_instance_id, case when subject_instance_id is not null then subject_name end,
-         instance_id, case when instance_id is not null then object_name end,
-         object_track_id, case when object_track_id is not null then object_name end, since, edge_at
-  from told where kind = 'ended'
-  order by edge_at, place;
-end $$;
-
--- Note that these queries have a new form: what came before on their map is not a matter of it.
-create or replace function semap.note_pair_forms(p_query_ids integer[]) returns void
-language sql as $$
-  insert into semap.pair_form as f (query_id, map_id, formed_stamp, formed_track_id)
-  select q.query_id, q.map_id, p.through, max(n.track_id)
-  from semap.continuous_query q join semap.track_now n using (map_id) join semap.pair_progress p using (map_id)
-  where q.query_id = any (p_query_ids) and q.in_pairs
-  group by q.query_id, q.map_id, p.through
-  on conflict (query_id) do update set formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
+  select before, row(at, null, null, raw, raw, not raw, is_fresh,
+                     case when is_near then distance_m end)::semap.observation,
+         enter_confirm, leave_confirm, appears
+  from observed
 $$;
 
--- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all;
--- their members go. Gives the queries whose nearest ones have to be looked up again without them.
+-- Compare pairs at one moment (see semap.observed_pairs): what pairs are to each other from then on, and what began and
+-- ended.
+create or replace function semap.follow_moment(
+  p_query_ids integer[], p_moved semap.track_state[], p_others semap.track_state[], p_edited_ids bigint[],
+  p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
+  inout pairs semap.relation_state[], out changes semap.pair_change[]
+)
+language plpgsql stable as $$
+begin
+  with followed as materialized (
+    select o.*, (before).query_id, (before).subject_key, (before).object_key,
+           semap.debounce(before, seen, enter_confirm, leave_confirm) as state
+    from semap.observed_pairs(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_appeared, p_at, p_cause,
+                              pairs) o
+  )
+  select array(select p from unnest(pairs) p
+               where not exists (select from followed f where f.query_id = p.query_id and f.subject_key = p.subject_key
+                                                          and f.object_key = p.object_key)
+               union all
+               select f.state from followed f
+               where (f.state).confirmed or (f.state).pending or (f.state).distance_m is not null),
+         (select array_agg(row(query_id, subject_key, object_key,
+                               case when (state).confirmed then 'began' else 'ended' end,
+                               case when appears and (state).confirmed then 'appeared' else p_cause end,
+                               (seen).at, (state).pending_at,
+                               case when (state).confirmed then (state).since
+                                    else least((before).since, (state).pending_at) end,
+                               null, null, null)::semap.pair_change)
+          from followed where (state).confirmed <> (before).confirmed)
+  into pairs, changes;
+end $$;
+
+-- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all,
+-- at a moment (null: that of each pair): the pairs that are left, what ended, and the queries whose nearest ones have
+-- to be looked up without them.
 create or replace function semap.part_pairs(
-  p_query_ids integer[], p_subject_keys bigint[], p_object_keys bigint[], p_at timestamptz, p_cause semap.change_cause
-) returns integer[]
-language plpgsql as $$
+  p_query_ids integer[], p_subject_keys bigint[], p_object_keys bigint[], p_places semap.track_state[],
+  p_at timestamptz, p_cause semap.change_cause, inout pairs semap.relation_state[], out changes semap.pair_change[]
+)
+language plpgsql stable as $$
 declare
-  v_now      timestamptz := clock_timestamp();
-  v_changes  semap.pair_change[];
-  v_nearest  integer[];
+  v_now  timestamptz := clock_timestamp();
 begin
-  with gone as (
-    delete from semap.pair
-    where (subject_key = any (p_subject_keys) or object_key = any (p_object_keys))
-      and (p_query_ids is null or query_id = any (p_query_ids))
-    returning *
+  with stood as (
+    select p, (p_query_ids is null or p.query_id = any (p_query_ids))
+              and (p.subject_key = any (p_subject_keys) or p.object_key = any (p_object_keys)) as is_gone
+    from unnest(pairs) p
   ), ended as (
-    select g.*, greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), g.since, g.inside_at) as at
-    from gone g
-    join semap.pair_member s on s.key = g.subject_key and s.query_id = g.query_id and not s.is_object
-    join semap.pair_member o on o.key = g.object_key and o.query_id = g.query_id and o.is_object
-    where g.held
+    select (g.p).*, greatest(coalesce(greatest(s.stamp, o.stamp, p_at), v_now), (g.p).since, (g.p).pending_at) as at
+    from stood g
+    left join unnest(p_places) s on s.track_id = (g.p).subject_key
+    left join unnest(p_places) o on o.track_id = (g.p).object_key
+    where g.is_gone and (g.p).confirmed
   )
-  select array_agg(row(query_id, subject_key, object_key, 'ended', p_cause, at, at, since, null, null, null)::semap.pair_change)
-  into v_changes from ended;
-  perform semap.record_pair_changes(v_changes);
-
-  with gone as (
-    delete from semap.pair_member
-    where (key = any (p_subject_keys) and not is_object or key = any (p_object_keys) and is_object)
-      and (p_query_ids is null or query_id = any (p_query_ids))
-    returning query_id, is_object
-  )
-  select array_agg(distinct query_id) into v_nearest
-  from gone join semap.continuous_query q using (query_id)
-  where is_object and q.predicate = 'nearest' and q.in_pairs and q.enabled;
-  if p_cause = 'map' then
-    perform semap.note_pair_forms(v_nearest); -- whose past was with what is gone
-  end if;
-  return v_nearest;
+  select array(select s.p from stood s where not s.is_gone is true),
+         (select array_agg(row(query_id, subject_key, object_key, 'ended', p_cause, at, at, since, null, null,
+                               null)::semap.pair_change) from ended)
+  into pairs, changes;
 end $$;
 
--- Let tracks go that ended or are deleted, at a stamp (null: that of each pair). What is nearest without them is so then.
-create or replace function semap.let_tracks_go(p_track_ids bigint[], p_at timestamptz, p_cause semap.change_cause)
-returns void
-language plpgsql as $$
+-- Follow tracks from where they are (p_places) through these states, in the order of their stamps, in all pairs of
+-- these queries: where they are then, what pairs are to each other, and what began and ended. At each moment all are
+-- where they are before any two are compared. A state without a place says only that its track has ended.
+create or replace function semap.follow_pairs(
+  p_query_ids integer[], p_states semap.track_state[],
+  inout places semap.track_state[], inout pairs semap.relation_state[], out changes semap.pair_change[]
+)
+language plpgsql stable as $$
 declare
-  v_nearest  integer[] := semap.part_pairs(null, p_track_ids, p_track_ids, p_at, p_cause);
+  c_lines    constant integer[] := array(select query_id from semap.continuous_query
+                                         where query_id = any (p_query_ids) and predicate = 'crosses');
+  c_others   constant integer[] := array(select query_id from semap.continuous_query
+                                         where query_id = any (p_query_ids) and predicate <> 'crosses');
+  c_nearest  constant integer[] := array(select query_id from semap.continuous_query
+                                         where query_id = any (p_query_ids) and predicate = 'nearest'
+                                           and object_kind = 'track');
+  v_moment   record;
+  v_others   semap.track_state[];
+  v_step     record;
 begin
-  if v_nearest is not null then
-    perform semap.record_pair_changes(semap.settle_pairs(
-      v_nearest, array(select key from semap.pair_member where query_id = any (v_nearest) and not is_object), null,
-      p_at, case when p_cause = 'map' then 'map' else 'moved' end::semap.change_cause));
-  end if;
-end $$;
-
--- Follow tracks through these states in all pairs of their map, stamp after stamp. At each, all are where they are
--- before any two are compared.
-create or replace function semap.compare_pairs(p_map_id integer, p_states semap.arrival[]) returns void
-language plpgsql as $$
-declare
-  v_query_ids  integer[];
-  v_lines      integer[];
-  v_moment     record;
-  v_crossed    semap.pair_change[];
-begin
-  select array_agg(query_id) filter (where predicate <> 'crosses'), array_agg(query_id) filter (where predicate = 'crosses')
-  into v_query_ids, v_lines
-  from semap.continuous_query where map_id = p_map_id and in_pairs and enabled;
-
+  pairs := coalesce(pairs, '{}');
   for v_moment in
-    select stamp, array_agg(track_id) filter (where is_seen) as track_ids, array_agg(state) filter (where is_seen) as states,
-           array_agg(track_id) filter (where appears and is_seen) as appeared,
-           array_agg(track_id) filter (where is_last) as ended
-    from (select a.track_id, a.stamp, a.is_last, a as state, a.x_m is not null as is_seen, lag(a.is_last, 1, not a.live) over one_track as appears
-          from unnest(p_states) a
-          window one_track as (partition by a.track_id order by a.stamp)) s
-    group by stamp order by stamp
+    select s.stamp, array_agg(s) filter (where s.x_m is not null) as moved,
+           array_agg(s.track_id) filter (where s.x_m is not null and t.track_id is null) as unplaced,
+           array_agg(s.track_id) filter (where s.is_last) as ended
+    from unnest(p_states) s left join unnest(places) t using (track_id)
+    group by s.stamp order by s.stamp
   loop
-    v_crossed := null;
-    if v_lines is not null then
-      v_crossed := semap.cross_lines(v_lines, v_moment.states);
+    if c_lines <> '{}' then
+      v_step := semap.cross_lines(c_lines, places, v_moment.moved, pairs);
+      pairs := v_step.pairs;
+      changes := changes || v_step.changes;
     end if;
-    perform semap.place_tracks(v_moment.states, v_moment.appeared);
-    if v_query_ids is not null then
-      v_crossed := v_crossed || semap.settle_pairs(v_query_ids, v_moment.track_ids, v_moment.appeared, v_moment.stamp, 'moved');
+    v_others := array(select p from unnest(places) p left join unnest(v_moment.moved) m using (track_id)
+                      where m.track_id is null);
+    if c_others <> '{}' and v_moment.moved is not null then
+      v_step := semap.follow_moment(
+        c_others, v_moment.moved, v_others, null, null,
+        -- one that ended before, or came in since
+        array(select m.track_id from unnest(v_moment.moved) m left join unnest(places) p using (track_id)
+              where p.track_id is null),
+        v_moment.stamp, 'moved', pairs);
+      pairs := v_step.pairs;
+      changes := changes || v_step.changes;
     end if;
-    perform semap.record_pair_changes(v_crossed);
+    places := v_others || v_moment.moved;
     if v_moment.ended is not null then
-      perform semap.let_tracks_go(v_moment.ended, v_moment.stamp, 'disappeared');
+      v_step := semap.part_pairs(null, v_moment.ended, v_moment.ended, places, v_moment.stamp, 'disappeared', pairs);
+      pairs := v_step.pairs;
+      changes := changes || v_step.changes;
+      places := array(select p from unnest(places) p where p.track_id <> all (v_moment.ended));
+      if c_nearest <> '{}' then
+        v_step := semap.follow_moment(c_nearest, null, places, null, c_nearest, null, v_moment.stamp, 'moved', pairs);
+        pairs := v_step.pairs;
+        changes := changes || v_step.changes;
+      end if;
     end if;
   end loop;
 end $$;

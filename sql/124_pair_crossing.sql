@@ -1,10 +1,10 @@
 -- Lines that are crossed. A line has two sides along its direction; whoever comes to it from one of them and goes on to
--- the other has crossed it, there and then. Whoever only touches it, walks along it and comes back, or passes through its
--- very end has not. A state exactly on the line belongs to the side that it came from, which the pair remembers: `inside`
--- is the left one.
+-- the other has crossed it, there and then. Whoever only touches it, walks along it and comes back, or passes through
+-- its very end has not. A state exactly on the line belongs to the side that it came from, which the pair remembers:
+-- `pending` is the left one.
 
--- To which side of a path a direction points at a corner of it: true is left; null along the path and where it turns back
--- on itself. `back` leads to the corner before, `on` to the next one.
+-- To which side of a path a direction points at a corner of it: true is left; null along the path and where it turns
+-- back on itself. `back` leads to the corner before, `on` to the next one.
 create or replace function semap.points_left(
   p_back_x double precision, p_back_y double precision, p_on_x double precision, p_on_y double precision,
   p_x double precision, p_y double precision
@@ -25,11 +25,13 @@ begin
   return case when p_on_x * p_back_x + p_on_y * p_back_y < 0 then v_on > 0 end;
 end $$;
 
--- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves it
--- (null: along the line, or no side). Parts of the way in [0, 1].
+-- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves
+-- it (null: along the line, or no side). Parts of the way in [0, 1].
 create or replace function semap.way_meets(
-  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision
-) returns table (part double precision, comes_along boolean, comes_from_left boolean, goes_along boolean, goes_to_left boolean)
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision,
+  p_y2_m double precision
+) returns table (part double precision, comes_along boolean, comes_from_left boolean, goes_along boolean,
+                 goes_to_left boolean)
 language plpgsql immutable parallel safe as $$
 declare
   v_line     public.geometry;
@@ -110,10 +112,11 @@ begin
   end loop;
 end $$;
 
--- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line, came.
--- p_came_from_left: of its start, if that is on a line.
+-- Where a way crosses lines, as parts of it with the side that it leaves; and from which side its end, if on a line,
+-- came. p_came_from_left: of its start, if that is on a line.
 create or replace function semap.way_across(
-  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision,
+  p_lines public.geometry, p_x1_m double precision, p_y1_m double precision, p_x2_m double precision,
+  p_y2_m double precision,
   p_came_from_left boolean, out parts double precision[], out from_left boolean[], out came_from_left boolean
 ) language plpgsql immutable parallel safe as $$
 declare
@@ -142,45 +145,46 @@ begin
   end if;
 end $$;
 
--- The crossings of lines by these states, each of another track, whose members are still where they were before.
-create or replace function semap.cross_lines(p_query_ids integer[], p_states semap.arrival[]) returns semap.pair_change[]
-language plpgsql
-set enable_seqscan = off set enable_mergejoin = off set plan_cache_mode = force_generic_plan as $$
-declare
-  v_changes  semap.pair_change[];
+-- The state of a pair whose subject is on the line that is its object: the side that it came from.
+create or replace function semap.side_of_line(p_query_id integer, p_subject_key bigint, p_object_key bigint,
+                                              p_from_left boolean)
+returns semap.relation_state
+language sql immutable parallel safe as $$
+  select row(p_query_id, p_subject_key, p_object_key, false, null, p_from_left, null, p_from_left, null, null, null,
+             null,
+             null)::semap.relation_state
+$$;
+
+-- The crossings of lines by tracks that went from where they were (p_places) to where these states say; what pairs are
+-- to each other then: those of lines on which a way ended.
+create or replace function semap.cross_lines(
+  p_query_ids integer[], p_places semap.track_state[], p_states semap.track_state[],
+  inout pairs semap.relation_state[], out changes semap.pair_change[]
+)
+language plpgsql stable set plan_cache_mode = force_generic_plan as $$
 begin
   with way as materialized (
-    select m.key, m.query_id, m.map_id, m.stamp as from_stamp, st_x(m.place) as x1_m, st_y(m.place) as y1_m, m.z_min_m as z1_m,
-           a.stamp, a.x_m as x2_m, a.y_m as y2_m, a.z_m as z2_m, q.dimensions, q.direction,
-           semap.pair_box(least(st_x(m.place), a.x_m), least(st_y(m.place), a.y_m), greatest(st_x(m.place), a.x_m),
-                          greatest(st_y(m.place), a.y_m), m.query_id, true) as box,
-           a.stamp <= m.stamp + coalesce(q.longest_gap, '30 s')
-           and sqrt((a.x_m - st_x(m.place)) ^ 2 + (a.y_m - st_y(m.place)) ^ 2)
-               <= coalesce(q.fastest_mps, 30) * extract(epoch from a.stamp - m.stamp) as is_way
-    from unnest(p_states) a
-    join semap.pair_member m on m.key = a.track_id and m.query_id = any (p_query_ids) and not m.is_object
-    cross join lateral (select * from semap.continuous_query c where c.query_id = m.query_id offset 0) q
+    select m.key, m.query_id, b.stamp as from_stamp, b.x_m as x1_m, b.y_m as y1_m, b.z_m as z1_m,
+           m.stamp, m.x_m as x2_m, m.y_m as y2_m, m.z_m as z2_m, q.dimensions, q.direction,
+           semap.pair_box(least(b.x_m, m.x_m), least(b.y_m, m.y_m), greatest(b.x_m, m.x_m), greatest(b.y_m, m.y_m),
+                          m.query_id, true) as box,
+           m.stamp <= b.stamp + coalesce(q.longest_gap, '30 s')
+           and sqrt((m.x_m - b.x_m) ^ 2 + (m.y_m - b.y_m) ^ 2)
+               <= coalesce(q.fastest_mps, 30) * extract(epoch from m.stamp - b.stamp) as is_way
+    from semap.track_members(p_query_ids, p_states) m
+    join unnest(p_places) b on b.track_id = m.key
+    join semap.continuous_query q on q.query_id = m.query_id
   ), met as materialized (
-    select w.*, o.key as object_key, o.z_min_m, o.z_max_m, c.*
+    select w.*, o.instance_id, o.z_min_m, o.z_max_m, c.*
     from way w
     cross join lateral (
-      select * from semap.pair_member o
+      select * from semap.pair_instance o
       where o.box &&& w.box and o.query_id is not distinct from w.query_id and o.is_object is not false offset 0) o
-    left join semap.pair p on p.query_id = w.query_id and p.subject_key = w.key and p.object_key = o.key
-    cross join lateral semap.way_across(o.shape, x1_m, y1_m, x2_m, y2_m, p.inside) c
+    left join unnest(pairs) p on p.query_id = w.query_id and p.subject_key = w.key and p.object_key = -o.instance_id
+    cross join lateral semap.way_across(o.shape, x1_m, y1_m, x2_m, y2_m, p.pending) c
     where w.is_way
-  ), kept as (
-    insert into semap.pair as p (map_id, query_id, track_id, instance_id, held, inside)
-    select map_id, query_id, key, -object_key, false, came_from_left from met where came_from_left is not null
-    on conflict (query_id, subject_key, object_key) do update set inside = excluded.inside
-    where p.inside <> excluded.inside
-  ), forgotten as (
-    delete from semap.pair p using way w
-    where p.query_id = w.query_id and p.subject_key = w.key
-      and not exists (select from met m where m.query_id = p.query_id and m.key = p.subject_key
-                                          and m.object_key = p.object_key and m.came_from_left is not null)
   ), crossed as (
-    select m.query_id, m.key, m.object_key, m.stamp,
+    select m.query_id, m.key, m.instance_id, m.stamp,
            from_stamp + make_interval(secs => part * extract(epoch from stamp - from_stamp)) as at,
            x1_m + part * (x2_m - x1_m) as x_m, y1_m + part * (y2_m - y1_m) as y_m,
            case when is_left then 'left_to_right' else 'right_to_left' end as way
@@ -189,9 +193,15 @@ begin
     where (m.direction is null or m.direction = case when is_left then 'left_to_right' else 'right_to_left' end)
       and (m.dimensions = 2 or (z1_m + part * (z2_m - z1_m) >= m.z_min_m
                                 and z1_m + part * (z2_m - z1_m) < m.z_max_m) is not false)
-    order by m.query_id, m.key, m.object_key, part, place
+    order by m.query_id, m.key, m.instance_id, part, place
   )
-  select array_agg(row(query_id, key, object_key, 'crossed', 'moved', stamp, at, at, x_m, y_m, way)::semap.pair_change)
-  into v_changes from crossed;
-  return v_changes;
+  select array(select p from unnest(pairs) p
+               where not exists (select from way w where w.query_id = p.query_id and w.key = p.subject_key)
+               union all
+               select semap.side_of_line(query_id, key, -instance_id, came_from_left) from met
+                 where came_from_left is not null),
+         (select array_agg(row(query_id, key, -instance_id, 'crossed', 'moved', stamp, at, at, x_m, y_m,
+                               way)::semap.pair_change)
+          from crossed)
+  into pairs, changes;
 end $$;

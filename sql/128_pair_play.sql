@@ -1,14 +1,13 @@
--- Pairs of the past are *played*: members and pairs are put back to how they were at a moment, and followed from there on by
--- the code that follows them as states come in (sql/123, 124). All of it is a part of the transaction that is rolled back, and
--- only what was found is kept.
+-- Pairs of the past are *played*: from where tracks were at a moment, and what pairs were then, they are followed by
+-- the code that follows them as states come in (sql/123, 124).
 
 -- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
--- without outliers, without what is named, and no further than each is known to be now. The first state of each track says
--- where it was at that moment, if it was there.
+-- without outliers, without what is named, and no further than each is known to be now. The first state of each track
+-- says where it was at that moment, if it was there.
 create or replace function semap.states_to_play(
   p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
   p_without_ids bigint[], p_without_stamps timestamptz[]
-) returns semap.arrival[]
+) returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
 begin
   return (
@@ -40,7 +39,7 @@ begin
                         where w.track_id = k.track_id and w.stamp = e.stamp)
       group by k.track_id
     )
-    select array_agg(a order by (a).stamp, (a).track_id)
+    select array_agg(semap.state_of(a) order by (a).stamp, (a).track_id)
     from taking_part t
     join kept k on k.track_id = (t.present).track_id
     left join ended e on e.track_id = k.track_id
@@ -64,56 +63,33 @@ language sql stable as $$
         where query_id = any (p_query_ids) and held and since <= p_at) h
   cross join lateral (select coalesce(h.track_id, -h.subject_instance_id) as subject_key,
                              coalesce(h.object_track_id, -h.instance_id) as object_key) k
-  where (k.subject_key < 0 or k.subject_key = any (p_track_ids)) and (k.object_key < 0 or k.object_key = any (p_track_ids))
+  where (k.subject_key < 0 or k.subject_key = any (p_track_ids))
+    and (k.object_key < 0 or k.object_key = any (p_track_ids))
   group by h.query_id, k.subject_key, k.object_key
 $$;
 
--- Play the pairs of a map from a moment on, at which what is given held, and tell what changed and which pairs there are at
--- the end. Nothing of it stays.
+-- Play the pairs of a map from a moment on, at which what the log says held: what changed, and what pairs are at the
+-- end.
 create or replace function semap.play_pairs(
-  p_map_id integer, p_query_ids integer[], p_from timestamptz, p_to timestamptz, p_states semap.arrival[],
-  out changes semap.relation_change[], out pairs semap.pair[]
-) language plpgsql as $$
+  p_query_ids integer[], p_from timestamptz, p_states semap.track_state[],
+  out changes semap.pair_change[], out pairs semap.relation_state[]
+) language plpgsql stable as $$
 declare
-  v_is_over  constant text := 'SM129';
-  v_held     semap.pair[];
-  v_ids      bigint[] := array(select distinct track_id from unnest(p_states));
+  v_step  record;
 begin
-  select array_agg(row(null, p_map_id, h.query_id, case when h.subject_key > 0 then h.subject_key end,
-                       case when h.subject_key < 0 then -h.subject_key end, case when h.object_key < 0 then -h.object_key end,
-                       case when h.object_key > 0 then h.object_key end, true, h.since, true, h.since, null, null,
-                       h.subject_key, h.object_key)::semap.pair)
-  into v_held from semap.pairs_held_at(p_query_ids, v_ids, p_from) h;
-  begin
-    -- what happens again has the identity that it had
-    delete from semap.relation_change
-    where map_id = p_map_id and stamp > p_from and stamp <= p_to and query_id = any (p_query_ids);
-    delete from semap.pair where query_id = any (p_query_ids) and (track_id is not null or object_track_id is not null);
-    delete from semap.pair_member where query_id = any (p_query_ids) and track_id is not null;
-    perform semap.place_tracks(
-      array_agg(a), array_agg(a.track_id)) from unnest(p_states) a where a.stamp <= p_from and not a.is_last;
-    insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                            held, since, inside, inside_at)
-    select h.map_id, h.query_id, h.track_id, h.subject_instance_id, h.instance_id, h.object_track_id, true, h.since, true, h.since
-    from unnest(v_held) h
-    where (h.track_id is not null or h.object_track_id is not null)
-      and exists (select from semap.pair_member m where m.key = h.subject_key and m.query_id = h.query_id and not m.is_object)
-      and exists (select from semap.pair_member m where m.key = h.object_key and m.query_id = h.query_id and m.is_object);
-    perform semap.compare_pairs(p_map_id, array(
-      select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.heading_rad, a.speed_mps, a.length_m, a.width_m,
-                 a.is_last, a.source_id, a.map_id, a.cell_m,
-                 exists (select from unnest(p_states) b where b.track_id = a.track_id and b.stamp <= p_from and not b.is_last),
-                 a.seen_stamp, null, null, null, '{}', null,
-                 a.std_across_m, a.std_yaw_rad)::semap.arrival
-      from unnest(p_states) a where a.stamp > p_from));
-    changes := array(select c from semap.relation_change c
-                     where c.map_id = p_map_id and c.stamp > p_from and c.stamp <= p_to and c.query_id = any (p_query_ids)
-                     order by c.change_id);
-    pairs := array(select p from semap.pair p where p.query_id = any (p_query_ids));
-    raise exception using errcode = v_is_over;
-  exception when sqlstate 'SM129' then
-    null;
-  end;
+  v_step := semap.follow_pairs(
+    p_query_ids,
+    array(select s from unnest(p_states) s where s.stamp > p_from),
+    array(select s from unnest(p_states) s where s.stamp <= p_from and not s.is_last),
+    array(select semap.relation_since(h.query_id, h.subject_key, h.object_key, true, h.since)
+          from semap.pairs_held_at(p_query_ids, array(select track_id from unnest(p_states)), p_from) h
+          where (h.subject_key > 0 or h.object_key > 0)
+            and (h.subject_key < 0 or h.subject_key in (select track_id from unnest(p_states) s where s.stamp <= p_from
+                                                        and not s.is_last))
+            and (h.object_key < 0 or h.object_key in (select track_id from unnest(p_states) s where s.stamp <= p_from
+                                                      and not s.is_last))));
+  changes := v_step.changes;
+  pairs := v_step.pairs;
 end $$;
 
 -- What a change says of a pair, whoever was called what.
@@ -126,13 +102,14 @@ language sql immutable parallel safe as $$
 $$;
 
 -- Which pairs are remembered in two ways, since when they hold aside.
-create or replace function semap.differing_pairs(p_pairs semap.pair[], p_others semap.pair[])
+create or replace function semap.differing_pairs(p_pairs semap.relation_state[], p_others semap.relation_state[])
 returns table (query_id integer, subject_key bigint, object_key bigint)
 language sql immutable parallel safe as $$
   select coalesce(p.query_id, o.query_id), coalesce(p.subject_key, o.subject_key), coalesce(p.object_key, o.object_key)
   from unnest(p_pairs) p
   full join unnest(p_others) o
     on o.query_id = p.query_id and o.subject_key = p.subject_key and o.object_key = p.object_key
-  where (p.held, p.inside, case when p.inside <> p.held then p.inside_at end, p.distance_m, p.distance_at)
-     is distinct from (o.held, o.inside, case when o.inside <> o.held then o.inside_at end, o.distance_m, o.distance_at)
+  where (p.confirmed, p.pending, case when p.pending <> p.confirmed then p.pending_at end, p.distance_m, p.distance_at)
+     is distinct from
+        (o.confirmed, o.pending, case when o.pending <> o.confirmed then o.pending_at end, o.distance_m, o.distance_at)
 $$;

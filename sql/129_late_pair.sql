@@ -1,77 +1,89 @@
 -- Late states and pairs: what any two things were to each other is what it would be had the states of both come in the
--- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching, the
--- side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and once
--- without them. Only what the two plays differ in is written, in the transaction that brings the states.
+-- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching,
+-- the side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and
+-- once without them. Only what the two plays differ in is written, in the transaction that brings the states.
 
--- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the identity
--- that it had; one that holds since another moment than before gets one of its own, since who believes the other has to know.
-create or replace function semap.add_pair_changes(p_changes semap.relation_change[]) returns void
+-- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the
+-- identity that it had; one that holds since another moment than before gets one of its own, since who believes the
+-- other has to know.
+create or replace function semap.add_pair_changes(p_changes semap.pair_change[]) returns void
 language plpgsql as $$
 declare
-  v_change   semap.relation_change;
-  v_changes  semap.relation_change[];
+  v_uids  uuid[];
 begin
-  foreach v_change in array p_changes loop
-    if exists (select from semap.relation_change o where o.uid = v_change.uid and o.since <> v_change.since) then
-      v_change.uid := md5(v_change.uid || '|' || v_change.since)::uuid;
-    end if;
-    v_changes := v_changes || v_change;
-  end loop;
-  if v_changes is null then
+  if p_changes is null or p_changes = '{}' then
     return;
   end if;
-  perform semap.free_uids(array(select uid from unnest(v_changes)));
+  v_uids := array(
+    select case when exists (select from semap.relation_change o where o.uid = d.uid and o.since <> d.since)
+                then md5(d.uid || '|' || d.since)::uuid else d.uid end
+    from semap.described_changes(p_changes) d order by d.place);
+  perform semap.free_uids(v_uids);
+  with told as materialized (
+    select * from semap.described_changes(p_changes)
+  ), past as (
+    insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+                                     subject_instance_name, instance_id, instance_name, object_track_id,
+                                     object_track_name,
+                                     since, until)
+    select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+           instance_id, instance_name, object_track_id, object_track_name, since, edge_at
+    from told where kind = 'ended' order by edge_at, place
+  )
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+    direction,
     amendment)
-  select uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m, direction,
+  select v_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+         instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+         direction,
          'added'
-  from unnest(v_changes) order by stamp, edge_at, change_id;
-  insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                   subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
-                                   since, until)
-  select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, since, edge_at
-  from unnest(v_changes) where kind = 'ended' order by edge_at, change_id;
+  from told order by place;
 end $$;
 
--- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it, got the
--- form that it has; tracks that came to be known later are corrected from their beginning on.
+-- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it,
+-- got the form that it has; tracks that came to be known later are corrected from their beginning on.
 create or replace function semap.pair_formed(p_query_id integer, p_subject_key bigint, p_object_key bigint)
 returns timestamptz
 language sql stable as $$
   select max(f.formed_stamp)
   from (select formed_stamp, formed_track_id from semap.pair_form where query_id = p_query_id
         union all
-        select formed_stamp, formed_track_id from semap.pair_member m
+        select formed_stamp, formed_track_id from semap.query_track t
+        where t.query_id = p_query_id and t.track_id in (p_subject_key, p_object_key)
+        union all
+        select formed_stamp, formed_track_id from semap.pair_instance m
         where m.query_id = p_query_id
-          and (m.key in (p_subject_key, p_object_key)
-               or exists (select from semap.continuous_query q where q.query_id = p_query_id and q.predicate = 'nearest'))) f
-  where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end, case when p_object_key > 0 then p_object_key end)
+          and (m.instance_id in (-p_subject_key, -p_object_key)
+               or exists (select from semap.continuous_query q where q.query_id = p_query_id
+                          and q.predicate = 'nearest'))) f
+  where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end,
+                                   case when p_object_key > 0 then p_object_key end)
 $$;
 
--- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play differs
--- from one without the late states (p_without), the first of which is of p_late_from. What the log says of a pair, and what the
--- play says, have to agree on what held before the first late state and, but for a play up to the present, on what holds
--- after it; else nothing of that pair is written.
+-- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play
+-- differs from one without the late states (p_without), the first of which is of p_late_from. What the log says of a
+-- pair, and what the play says, have to agree on what held before the first late state and, but for a play up to the
+-- present, on what holds after it; else nothing of that pair is written.
 create or replace function semap.write_pair_amendments(
-  p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz, p_to timestamptz,
-  p_is_present boolean, p_with semap.relation_change[], p_without semap.relation_change[],
-  p_pairs semap.pair[], p_pairs_without semap.pair[]
+  p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz,
+  p_to timestamptz,
+  p_is_present boolean, p_with semap.pair_change[], p_without semap.pair_change[],
+  p_pairs semap.relation_state[], p_pairs_without semap.relation_state[]
 ) returns void
 language plpgsql as $$
 declare
   v_gone   uuid[];
-  v_new    semap.relation_change[];
-  v_since  semap.pair[];
-  v_now    semap.pair[];
+  v_new    semap.pair_change[];
+  v_since  semap.relation_state[];
+  v_now    semap.relation_state[];
 begin
   with played as (
-    select true as late, c, semap.change_said(c) as said from unnest(p_with) c where c.query_id = any (p_query_ids)
+    select true as late, c as said, row_number() over () as place from unnest(p_with) c
+      where c.query_id = any (p_query_ids)
     union all
-    select false, c, semap.change_said(c) from unnest(p_without) c where c.query_id = any (p_query_ids)
+    select false, c, 0 from unnest(p_without) c where c.query_id = any (p_query_ids)
   ), differing as (
     select distinct (said).query_id, (said).subject_key, (said).object_key from (
       select said from played where late except select said from played where not late
@@ -91,19 +103,22 @@ begin
            coalesce(l.log_before = 'began', h.since is not null) as log_held_before,
            coalesce(w.with_last = 'began', h.since is not null) as with_held,
            coalesce(l.log_last = 'began', h.since is not null) as log_held,
-           case when w.with_before is null then h.since when w.with_before = 'began' then w.with_since_before end as found_before,
-           case when l.log_before is null then h.since when l.log_before = 'began' then l.log_since_before end as told_before,
+           case when w.with_before is null then h.since when w.with_before = 'began' then w.with_since_before end
+             as found_before,
+           case when l.log_before is null then h.since when l.log_before = 'began' then l.log_since_before end
+             as told_before,
            case when w.with_last is null then h.since when w.with_last = 'began' then w.with_since end as found_since,
            case when l.log_last is null then h.since when l.log_last = 'began' then l.log_since end as told_since
     from differing d
     left join semap.pairs_held_at(p_query_ids, p_track_ids, p_from) h using (query_id, subject_key, object_key)
     cross join lateral (
-      select (array_agg((c).kind order by (c).change_id desc) filter (where (c).stamp < p_late_from))[1] as with_before,
-             (array_agg((c).since order by (c).change_id desc) filter (where (c).stamp < p_late_from))[1] as with_since_before,
-             (array_agg((c).kind order by (c).change_id desc))[1] as with_last,
-             (array_agg((c).since order by (c).change_id desc))[1] as with_since
+      select (array_agg((said).kind order by place desc) filter (where (said).stamp < p_late_from))[1] as with_before,
+             (array_agg((said).since order by place desc) filter (where (said).stamp < p_late_from))[1]
+               as with_since_before,
+             (array_agg((said).kind order by place desc))[1] as with_last,
+             (array_agg((said).since order by place desc))[1] as with_since
       from played p
-      where late and (c).kind <> 'crossed' and (c).stamp <= p_to
+      where late and (said).kind <> 'crossed' and (said).stamp <= p_to
         and ((said).query_id, (said).subject_key, (said).object_key) = (d.query_id, d.subject_key, d.object_key)) w
     cross join lateral (
       select (array_agg(kind order by place desc) filter (where stamp < p_late_from))[1] as log_before,
@@ -112,12 +127,14 @@ begin
              (array_agg(since order by place desc))[1] as log_since,
              coalesce(bool_or(cause = 'map' or kind = before_kind), false) as is_odd
       from (select *, lag(kind) over (order by place) as before_kind from (
-            select (c).*, row_number() over (order by (c).stamp, (c).edge_at, semap.place_in_moment(c, turn), (c).change_id) as place
+            select (c).*, row_number() over (order by (c).stamp, (c).edge_at, semap.place_in_moment(c, turn),
+                                             (c).change_id) as place
             from (select c, row_number() over (partition by (c).edge_at, (c).kind, (c).since < (c).edge_at
                                                order by (c).change_id) as turn
                   from logged
                   where (c).kind <> 'crossed' and (c).stamp <= p_to
-                    and ((said).query_id, (said).subject_key, (said).object_key) = (d.query_id, d.subject_key, d.object_key)) t) p) o) l
+                    and ((said).query_id, (said).subject_key,
+                         (said).object_key) = (d.query_id, d.subject_key, d.object_key)) t) p) o) l
   ), sound as (
     -- what held before the first late state holds since when the log says
     select *, case when found_since = found_before then told_before else found_since end as now_since
@@ -129,27 +146,26 @@ begin
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
     where (c).stamp >= p_late_from and (c).stamp <= p_to
   ), found as (
-    select f.c, semap.change_said(f.c) as said
+    select case when (p.said).kind = 'ended' and (p.said).since = s.found_before and s.found_before <> s.told_before
+                then jsonb_populate_record(p.said, jsonb_build_object('since', least(s.told_before, (p.said).edge_at)))
+                else p.said end as said, p.place
     from played p
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
-    cross join lateral (
-      select case when (p.c).kind = 'ended' and (p.c).since = s.found_before and s.found_before <> s.told_before
-                  then jsonb_populate_record(p.c, jsonb_build_object('since', least(s.told_before, (p.c).edge_at)))
-                  else p.c end as c) f
-    where late and (p.c).stamp >= p_late_from and (p.c).stamp <= p_to
+    where late and (p.said).stamp >= p_late_from and (p.said).stamp <= p_to
   ), moment as (
     -- what happens at one moment is written together, so that it stands in the order in which it happened
     select distinct (said).query_id, (said).subject_key, (said).object_key, (said).edge_at from (
-      (select said from told except select said from found) union all (select said from found except select said from told)) d
+      (select said from told except select said from found)
+        union all (select said from found except select said from told)) d
   ), gone as (
     select (c).uid from told
     where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
   ), new as (
-    select c from found
+    select said, place from found
     where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
   ), tail as (
     -- it holds since another moment: so says its end, too, which came later
-    select (t.c).uid, jsonb_populate_record(t.c, jsonb_build_object('since', s.now_since)) as c
+    select (t.c).uid, jsonb_populate_record(semap.change_said(t.c), jsonb_build_object('since', s.now_since)) as said
     from sound s
     cross join lateral (
       select c from logged
@@ -159,31 +175,31 @@ begin
     where not p_is_present and s.with_held and s.now_since <> s.told_since
   )
   select array(select uid from gone union all select uid from tail),
-         array(select c from new order by (c).change_id) || array(select c from tail),
-         array(select row(null, p_map_id, query_id, null, null, null, null, true, now_since, true, now_since, null, null,
-                          subject_key, object_key)::semap.pair
+         array(select said from new order by place) || array(select said from tail),
+         array(select semap.relation_since(query_id, subject_key, object_key, true, now_since)
                from sound where not p_is_present and with_held and now_since <> told_since),
-         array(select row(null, p_map_id, query_id, null, null, null, null, with_held, now_since, with_held, null, null, null,
-                          subject_key, object_key)::semap.pair from sound where p_is_present)
+         array(select semap.relation_since(query_id, subject_key, object_key, with_held,
+                                           case when with_held then now_since end)
+               from sound where p_is_present)
   into v_gone, v_new, v_since, v_now;
   perform semap.take_back(v_gone);
   perform semap.add_pair_changes(v_new);
 
   update semap.pair p set since = s.since
   from unnest(v_since) s
-  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held and p.since < p_to;
+  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held
+    and p.since < p_to;
   delete from semap.pair p using unnest(v_now) n
   where (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
-  insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                          held, since, inside, inside_at, distance_m, distance_at)
-  select p.map_id, p.query_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id,
-         p.held, n.since, p.inside, p.inside_at, p.distance_m, p.distance_at
-  from unnest(p_pairs) p
-  join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
+  perform semap.keep_pairs(p_map_id, '{}', array(
+    select jsonb_populate_record(p, jsonb_build_object('since', n.since))
+    from unnest(p_pairs) p
+    join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key)));
 end $$;
 
--- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest, or for
--- whoever is faced however far away; else those that come near enough. Null where that is too much to look through.
+-- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest,
+-- or for whoever is faced however far away; else those that come near enough. Null where that is too much to look
+-- through.
 create or replace function semap.tracks_to_play(
   p_map_id integer, p_query_ids integer[], p_late_ids bigint[], p_from timestamptz, p_to timestamptz
 ) returns bigint[]
@@ -233,20 +249,20 @@ begin
       and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
 end $$;
 
--- What is played after states that came late, of these tracks at these stamps, for queries that take so long to confirm. What
--- a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a play begins four
--- states and two such times before the first late state. p_further: how many states it goes on after the last one. The states
--- are null where that is more than a play may hold, or where states of that time are gone.
+-- What is played after states that came late, of these tracks at these stamps, for queries that take so long to
+-- confirm. What a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a
+-- play begins four states and two such times before the first late state. p_further: how many states it goes on after
+-- the last one. The states are null where that is more than a play may hold, or where states of that time are gone.
 create or replace function semap.prepare_play(
   p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
   p_not_yet_ids bigint[], p_not_yet_stamps timestamptz[], p_further integer,
   out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean, out track_ids bigint[],
-  out states semap.arrival[], out states_without semap.arrival[]
+  out states semap.track_state[], out states_without semap.track_state[]
 )
 language plpgsql stable as $$
 declare
   c_most_states  constant integer := 20000;
-  c_most_stamps  constant integer := 500; -- rows that are written at each of them get slower within a transaction
+  c_most_stamps  constant integer := 500;
   c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
   v_present      timestamptz := (select through from semap.pair_progress where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
@@ -259,18 +275,20 @@ begin
   if from_stamp < (select max(gone_before) from semap.retention where kind in ('states', 'changes')) then
     return;
   end if;
-  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is stored
-  -- already, and is no state that both plays go through.
+  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is
+  -- stored already, and is no state that both plays go through.
   select least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
                           + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end)
   into to_stamp
   from unnest(v_ids) id
   cross join lateral (
-    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp) where n.track_id = id) n
+    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp)
+      where n.track_id = id) n
   cross join lateral (
     select count(*) as states, max(stamp) as stamp from (
       select s.stamp
-      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further + coalesce(cardinality(n.stamps), 0), v_present) s
+      from semap.states_around(id, c_late_to + interval '1 us', 0, p_further + coalesce(cardinality(n.stamps), 0),
+                               v_present) s
       where (s.stamp = any (n.stamps)) is not true
       order by s.stamp limit p_further) s) a;
   is_present := to_stamp >= v_present;
@@ -283,13 +301,14 @@ begin
   end if;
 end $$;
 
--- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to play, else
--- fewer; and where one state alone is too much, without the queries that take longest to confirm. A play goes on until it
--- makes no difference to what is remembered, at most up to the present.
+-- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to
+-- play, else fewer; and where one state alone is too much, without the queries that take longest to confirm. A play
+-- goes on until it makes no difference to what is remembered, at most up to the present.
 create or replace function semap.amend_pairs(p_map_id integer, p_late semap.arrival[]) returns void
 language plpgsql as $$
 declare
-  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled);
+  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs
+                                  and enabled);
   v_amended    integer[] := v_query_ids;
   v_confirm    interval;
   v_ids        bigint[];
@@ -304,29 +323,31 @@ begin
   select array_agg(track_id order by stamp, track_id), array_agg(stamp order by stamp, track_id)
   into v_ids, v_stamps
   from (select distinct l.track_id, l.stamp from unnest(p_late) l
-        where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id and w.query_id = any (v_query_ids))) l;
+        where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id
+                      and w.query_id = any (v_query_ids))) l;
   while cardinality(v_ids) > 0 loop
     v_further := 4;
     loop
       select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
       from semap.continuous_query where query_id = any (v_amended);
       select * into v_next from semap.prepare_play(
-        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:], v_stamps[v_count + 1:], v_further);
+        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:],
+        v_stamps[v_count + 1:], v_further);
       if v_next.states is null then
         exit when v_further > 4;
         if least(v_count, cardinality(v_ids)) > 1 then
           v_count := least(v_count, cardinality(v_ids)) / 2;
         else
           v_amended := array(select query_id from semap.continuous_query
-                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm, '0') < v_confirm);
+                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm,
+                                                                           '0') < v_confirm);
         end if;
         exit when v_amended = '{}';
         continue;
       end if;
       v_play := v_next;
-      select * into v_with from semap.play_pairs(p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states);
-      select * into v_without from semap.play_pairs(
-        p_map_id, v_query_ids, v_play.from_stamp, v_play.to_stamp, v_play.states_without);
+      select * into v_with from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states);
+      select * into v_without from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states_without);
       exit when v_play.is_present or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
       v_further := 4 * v_further;
     end loop;

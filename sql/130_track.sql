@@ -5,7 +5,8 @@ begin
   insert into semap.track_now (track_id, source_id, map_id, cell_m)
   select n.track_id, n.source_id, n.map_id, m.cell_m from new_track n join semap.map m using (map_id);
   if exists (select from semap.continuous_query q join new_track n using (map_id)
-             where q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null) then
+             where num_nonnulls(q.subject_concept_id, q.subject_uids, q.subject_where,
+                                q.object_concept_id, q.object_uids, q.object_where) > 0) then
     perform semap.choose_tracks(null, array_agg(track_id)) from new_track;
   end if;
   if (select count(*) from new_track) >= 100 then
@@ -49,7 +50,7 @@ begin
   select k.track_id, greatest(k.ended_at, t.stamp)
   from new_track k join semap.track_now t using (track_id) where k.track_id = any (v_ended)
   on conflict do nothing;
-  perform semap.part_ended(v_ended);
+  perform semap.end_pairs_of_ended(v_ended);
 
   update semap.track_now t
   set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity', calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
@@ -80,9 +81,7 @@ begin
     join semap.track_now t using (track_id)
     where n.track_id = old.track_id
     order by r.instance_uid, r.query_id;
-    if exists (select from semap.pair_member where key = old.track_id) then
-      perform semap.let_tracks_go(array[old.track_id], null, 'map');
-    end if;
+    perform semap.end_pairs(old.map_id, array[old.track_id], null, 'map');
   end if;
   return old;
 end $$;
@@ -100,7 +99,7 @@ begin
   delete from semap.relation_past where track_id in (select track_id from old_track);
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
   delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
-  delete from semap.pair_member where key in (select track_id from old_track);
+  delete from semap.followed_state where track_id in (select track_id from old_track);
   -- where they are among others, each gets chunks of its own first
   perform semap.compact_all(array(select distinct source_id from old_track order by 1));
   delete from semap.state_chunk where track_id in (select track_id from old_track);

@@ -1,10 +1,8 @@
 -- Regions that have to be followed carefully: other predicates than `contains`, boundaries with a margin or a time to
 -- confirm, probabilities, ways between samples, or subjects that are chosen.
 --
--- For each track near the boundary of such a region a *verge* is kept, with three sides that may differ for a while:
--- `side` is that of the boundary itself; `inside` changes only once the track is deep enough inside or far enough
--- outside, and in between stays what it was; `held` is the relation, which follows `inside` once that has lasted. A
--- track that is no longer between has no verge. A track that appears is where the boundary says at once.
+-- For each track near the boundary of such a region a *verge* keeps the state of the relation (sql/112), while its signals
+-- differ: `side` is raw, `inside` pending, `held` confirmed.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
 -- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of nothing:
@@ -108,7 +106,8 @@ create or replace function semap.steps(p_arrivals semap.arrival[], p_verges sema
 returns table (
   track_id bigint, region_id integer, verge semap.verge, enter_confirm interval, leave_confirm interval,
   known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
-  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean, is_last boolean
+  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean, is_last boolean,
+  seen semap.observation
 )
 language sql stable as $$
   with arrival as (
@@ -120,7 +119,8 @@ language sql stable as $$
     window one_track as (partition by a.track_id order by a.stamp)
   )
   select c.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
-         s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last
+         s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last,
+         row(w.at, w.x_m, w.y_m, s.side, s.enters, s.leaves, a.appears, null)::semap.observation
   from unnest(p_verges) c
   join semap.region r on r.region_id = c.region_id
   join arrival a on a.track_id = c.track_id and (c.side_at is null or a.stamp > c.side_at)
@@ -141,19 +141,29 @@ language sql stable as $$
     select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
   cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m, a.std_across_m, a.std_yaw_rad) s
   where r.subject is null
-     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id)
+     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id and not q.is_object)
+$$;
+
+-- The state of the relation that is kept as a verge, and the verge that keeps a state.
+create or replace function semap.state_of_verge(p_verge semap.verge) returns semap.relation_state
+language sql immutable parallel safe as $$
+  select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at, p_verge.side,
+             p_verge.side_at, p_verge.x_m, p_verge.y_m, null, null)::semap.relation_state
+$$;
+
+create or replace function semap.verge_of_state(p_map_id integer, p_state semap.relation_state) returns semap.verge
+language sql immutable parallel safe as $$
+  select row(p_state.subject_key, p_state.object_key, p_map_id, p_state.confirmed, p_state.pending, p_state.pending_at,
+             p_state.raw, p_state.raw_at, p_state.x_m, p_state.y_m)::semap.verge
 $$;
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
-create or replace function semap.verge_crossing(p_verge semap.verge, p_known_at timestamptz) returns semap.crossing
-language plpgsql immutable parallel safe as $$
-begin
-  return row((p_verge).track_id, (p_verge).region_id, case when (p_verge).held then 'began' else 'ended' end, 'moved',
-             p_known_at, case when (p_verge).side = (p_verge).held then coalesce((p_verge).side_at, (p_verge).inside_at)
-                              else (p_verge).inside_at end,
-             (p_verge).x_m, (p_verge).y_m)::semap.crossing;
-end $$;
+create or replace function semap.transition(p_state semap.relation_state, p_known_at timestamptz) returns semap.crossing
+language sql immutable parallel safe as $$
+  select row(p_state.subject_key, p_state.object_key, case when p_state.confirmed then 'began' else 'ended' end, 'moved',
+             p_known_at, semap.transition_time(p_state), p_state.x_m, p_state.y_m)::semap.crossing
+$$;
 
 -- Keep where tracks stand to regions after these steps, in the tables: verges where they are between, the regions they
 -- are in, and when one of their verges is due, if nothing else happens.
@@ -197,7 +207,9 @@ create or replace function semap.follow_steps(
 language plpgsql stable as $$
 declare
   v_step      record;
-  v_verge     semap.verge;
+  v_state     semap.relation_state;
+  v_before    semap.relation_state;
+  v_map_id    integer;
   v_span      semap.replayed;
   v_appears   boolean;
   v_decided   boolean;
@@ -209,16 +221,17 @@ begin
   for v_step in
     select * from semap.steps(p_arrivals, p_verges) s order by s.track_id, s.region_id, s.known_at, s.part nulls last
   loop
-    if v_verge.track_id is distinct from v_step.track_id or v_verge.region_id is distinct from v_step.region_id then
-      if v_verge.track_id is not null then
-        verges := verges || v_verge;
+    if (v_state.subject_key, v_state.object_key) is distinct from (v_step.track_id, v_step.region_id::bigint) then
+      if v_state.subject_key is not null then
+        verges := verges || semap.verge_of_state(v_map_id, v_state);
         if p_late_from is not null then
           spans := spans || v_span;
         end if;
       end if;
-      v_verge := v_step.verge;
+      v_state := semap.state_of_verge(v_step.verge);
+      v_map_id := (v_step.verge).map_id;
       if p_late_from is not null then
-        v_span := row(v_step.region_id, v_verge.side_at, null);
+        v_span := row(v_step.region_id, v_state.raw_at, null);
         v_run := null;
         v_was_free := false;
       end if;
@@ -228,49 +241,35 @@ begin
     if v_step.x_m is null then
       null; -- the track was said to have ended, and nobody saw it
     elsif v_step.appears then
-      v_verge.held := v_step.side;
-      v_verge.inside := v_step.side;
-      v_verge.side := v_step.side;
-      v_verge.inside_at := null;
-      v_verge.side_at := null;
-      if v_step.side then
+      v_state := semap.debounce(v_state, v_step.seen, v_step.enter_confirm, v_step.leave_confirm);
+      if v_state.confirmed then
         crossings := crossings || row(v_step.track_id, v_step.region_id, 'began', 'appeared', v_step.known_at,
                                           v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
       end if;
     else
       -- what is known all the way may have lasted long enough before this step
-      if v_step.has_parts and v_verge.inside <> v_verge.held
-         and v_step.at >= v_verge.inside_at
-                          + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
-        v_verge.held := v_verge.inside;
-        crossings := crossings || semap.verge_crossing(v_verge, v_step.known_at);
+      if v_step.has_parts and v_state.pending <> v_state.confirmed then
+        v_before := v_state;
+        v_state := semap.debounce(v_state, semap.time_passed(v_step.at), v_step.enter_confirm, v_step.leave_confirm);
+        if v_state.confirmed <> v_before.confirmed then
+          crossings := crossings || semap.transition(v_state, v_step.known_at);
+        end if;
       end if;
-      if v_step.side <> v_verge.side then
-        v_verge.side := v_step.side;
-        v_verge.side_at := v_step.at;
-        v_verge.x_m := v_step.x_m;
-        v_verge.y_m := v_step.y_m;
-      end if;
-      if v_step.enters and not v_verge.inside or v_step.leaves and v_verge.inside then
-        v_verge.inside := v_step.enters;
-        v_verge.inside_at := v_step.at;
-      end if;
-      if v_verge.inside <> v_verge.held
-         and v_step.at >= v_verge.inside_at
-                          + (case when v_verge.inside then v_step.enter_confirm else v_step.leave_confirm end) then
-        v_verge.held := v_verge.inside;
-        crossings := crossings || semap.verge_crossing(v_verge, v_step.known_at);
+      v_before := v_state;
+      v_state := semap.debounce(v_state, v_step.seen, v_step.enter_confirm, v_step.leave_confirm);
+      if v_state.confirmed <> v_before.confirmed then
+        crossings := crossings || semap.transition(v_state, v_step.known_at);
       end if;
     end if;
 
     if v_step.is_last and v_step.part is null then
-      if v_verge.held then
+      if v_state.confirmed then
         crossings := crossings || row(v_step.track_id, v_step.region_id, 'ended', 'disappeared', v_step.known_at,
                                           v_step.known_at, v_step.x_m, v_step.y_m)::semap.crossing;
       end if;
-      v_verge.held := false;
-      v_verge.inside := false;
-      v_verge.side := false;
+      v_state.confirmed := false;
+      v_state.pending := false;
+      v_state.raw := false;
     end if;
 
     if p_late_from is not null then
@@ -295,8 +294,8 @@ begin
       end if;
     end if;
   end loop;
-  if v_verge.track_id is not null then
-    verges := verges || v_verge;
+  if v_state.subject_key is not null then
+    verges := verges || semap.verge_of_state(v_map_id, v_state);
     if p_late_from is not null then
       spans := spans || v_span;
     end if;

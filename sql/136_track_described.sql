@@ -1,9 +1,10 @@
 -- A track is named, said to be of another concept or to have other attributes, or goes on at another source: the queries
 -- that ask for such are about it from then on, or no longer.
 
--- Bring what regions keep of these tracks in line with which queries are about them now. What a query is no longer about
--- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map.
-create or replace function semap.rechoose_tracks(p_track_ids bigint[]) returns void
+-- Bring the relations of these tracks in line with which queries are about them now. What a query is no longer about
+-- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map. Some got
+-- another uid (p_renewed_ids), by which the nearest of two is chosen.
+create or replace function semap.rechoose_tracks(p_track_ids bigint[], p_renewed_ids bigint[] default null) returns void
 language plpgsql as $$
 declare
   v_source_ids  integer[];
@@ -16,7 +17,9 @@ begin
   from semap.track t
   where t.track_id = any (p_track_ids)
     and exists (select from semap.continuous_query q where q.map_id = t.map_id and (
-                  q.subject_concept_id is not null or q.subject_uids is not null or q.subject_where is not null));
+                  num_nonnulls(q.subject_concept_id, q.subject_uids, q.subject_where,
+                               q.object_concept_id, q.object_uids, q.object_where) > 0
+                  or t.track_id = any (p_renewed_ids) and q.predicate = 'nearest'));
   if v_source_ids is null then
     return;
   end if;
@@ -26,13 +29,14 @@ begin
   v_before := array(select s from semap.query_track s where s.track_id = any (p_track_ids));
   perform semap.choose_tracks(null, p_track_ids);
   v_lost := array(select b from unnest(v_before) b
-                  where not exists (select from semap.query_track s where (s.query_id, s.track_id) = (b.query_id, b.track_id)));
+                  where not exists (select from semap.query_track s where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object, b.track_id)));
   v_gained := array(select s from semap.query_track s
                     where s.track_id = any (p_track_ids)
-                      and not exists (select from unnest(v_before) b where (s.query_id, s.track_id) = (b.query_id, b.track_id)));
-  if cardinality(v_lost || v_gained) = 0 then
+                      and not exists (select from unnest(v_before) b where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object, b.track_id)));
+  if cardinality(v_lost || v_gained) = 0 and p_renewed_ids is null then
     return;
   end if;
+  perform semap.rechoose_in_pairs(p_track_ids, array(select track_id from unnest(v_gained)) || p_renewed_ids);
   perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
@@ -59,6 +63,22 @@ begin
   where t.track_id in (select track_id from unnest(v_lost || v_gained));
 end $$;
 
+-- Bring the pairs of these tracks in line with which queries are about them now; some came to take part.
+create or replace function semap.rechoose_in_pairs(p_track_ids bigint[], p_new_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_map_ids  integer[] := array(select distinct map_id from semap.track where track_id = any (p_track_ids) order by map_id);
+begin
+  perform semap.hold_pairs(map_id) from unnest(v_map_ids) map_id;
+  update semap.query_track t
+  set formed_stamp = p.through, formed_track_id = (select max(track_id) from semap.track_now n where n.map_id = t.map_id)
+  from semap.pair_progress p
+  where t.track_id = any (p_new_ids) and p.map_id = t.map_id
+    and t.query_id in (select query_id from semap.pair_side);
+  perform semap.refresh_pairs(array_agg(query_id), '{}', p_new_ids)
+  from semap.continuous_query where map_id = any (v_map_ids) and in_pairs and enabled;
+end $$;
+
 -- A track got another name, concept or source, or other attributes: the relations of queries that ask for them follow.
 create or replace function semap.track_described() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
@@ -69,8 +89,8 @@ begin
   from new_track n join old_track o using (track_id)
   where (n.source_id, n.uid, n.name, n.concept_id, n.attributes)
     is distinct from (o.source_id, o.uid, o.name, o.concept_id, o.attributes);
-  perform semap.redescribe_tracks(v_track_ids);
-  perform semap.rechoose_tracks(v_track_ids);
+  perform semap.rechoose_tracks(v_track_ids, (select array_agg(n.track_id) from new_track n join old_track o using (track_id)
+                                              where n.uid <> o.uid));
   return null;
 end $$;
 
@@ -84,7 +104,6 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_track_ids  constant bigint[] := array(select track_id from semap.track where source_id = new.source_id);
 begin
-  perform semap.redescribe_tracks(v_track_ids);
   perform semap.rechoose_tracks(v_track_ids);
   return null;
 end $$;
@@ -99,7 +118,8 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.rechoose_tracks(array_agg(t.track_id)) from semap.track t
   where t.concept_id is not null
-    and exists (select from semap.continuous_query q where q.map_id = t.map_id and q.subject_concept_id is not null);
+    and exists (select from semap.continuous_query q where q.map_id = t.map_id
+                  and num_nonnulls(q.subject_concept_id, q.object_concept_id) > 0);
   return null;
 end $$;
 

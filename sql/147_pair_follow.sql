@@ -1,13 +1,14 @@
--- What two things were to each other at a stamp is decided once that stamp is complete: when all states at or before it have
--- come, of all sources that are waited for. So it does not depend on how states are cut into batches, nor on which source
--- speaks first: at each stamp all tracks are where their latest state at or before it says. `pair_progress` tells up to
--- which stamp that is done. Tracks in pair_member are where they were then. The transaction that completes a stamp, by moving
--- a source (sql/125), follows the pairs up to it. States at or before it that come later are late (sql/129).
+-- What two things were to each other at a stamp is decided once that stamp is complete: when all states at or before it
+-- have come, of all sources that are waited for. So it does not depend on how states are cut into batches, nor on which
+-- source speaks first: at each stamp all tracks are where their latest state at or before it says. `pair_progress`
+-- tells up to which stamp that is done. followed_state has where the tracks were then. The transaction that completes a
+-- stamp, by moving a source (sql/125), follows the pairs up to it. States at or before it that come later are late
+-- (sql/129).
 --
 -- The row of the source is locked before the pairs of its map, by who writes states as by who says a watermark.
 
--- Up to where all states of a map have come, by its sources that follow tracks. One that has ended or is idle is not waited
--- for; where none is, the furthest counts, as for rules.
+-- Up to where all states of a map have come, by its sources that follow tracks. One that has ended or is idle is not
+-- waited for; where none is, the furthest counts, as for rules.
 create or replace function semap.map_complete_through(p_map_id integer) returns timestamptz
 language sql stable as $$
   select coalesce(
@@ -31,8 +32,10 @@ begin
   select * into v_last from unnest((
     semap.arrivals_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).arrivals)
   order by stamp desc limit 1;
-  return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last, v_last.heading_rad,
-             v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m, v_last.std_yaw_rad)::semap.track_state;
+  return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last,
+             v_last.heading_rad,
+             v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m,
+             v_last.std_yaw_rad)::semap.track_state;
 end $$;
 
 -- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
@@ -46,7 +49,8 @@ language sql stable as $$
   union all
   select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
   where n.map_id = p_map_id and n.stamp > p_at and n.first_stamp <= p_at and not s.is_last
-    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp and e.stamp <= p_at)
+    and not exists (select from semap.track_end e where e.track_id = s.track_id and e.stamp >= s.stamp
+                    and e.stamp <= p_at)
     and (p_track_ids is null or n.track_id = any (p_track_ids))
 $$;
 
@@ -58,14 +62,15 @@ language sql stable as $$
   where p.map_id = p_map_id
 $$;
 
--- What the tracks of a map did after a moment, up to another one: states that pass the gate for outliers, and ends.
+-- What the tracks of a map did after a moment up to which its pairs are followed, up to another one: states that pass
+-- the gate for outliers, and ends.
 create or replace function semap.states_to_follow(p_map_id integer, p_after timestamptz, p_to timestamptz)
-returns semap.arrival[]
+returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_generic_plan as $$
 declare
   v_source  semap.source;
   v_ids     bigint[];
-  v_states  semap.arrival[];
+  v_states  semap.track_state[];
   v_some    semap.arrival[];
 begin
   select array_agg(track_id) into v_ids from semap.track_now where map_id = p_map_id and stamp > p_after;
@@ -73,47 +78,95 @@ begin
     select * from semap.states(v_ids, p_after, p_to) s where s.stamp > p_after
   ), ended as materialized (
     select * from semap.track_end e where e.track_id = any (v_ids) and e.stamp > p_after and e.stamp <= p_to
-  ), moment as (
-    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-           s.is_last or e.stamp is not null as is_last, s.std_across_m, s.std_yaw_rad
+  )
+  select array_agg(m::semap.track_state) into v_states
+  from (
+    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last or e.stamp is not null, s.heading_rad,
+           s.speed_mps,
+           s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
     from stated s left join ended e using (track_id, stamp)
     union all
-    select e.track_id, e.stamp, null, null, null, null, null, null, null, null, true, null, null
-    from ended e where not exists (select from stated s where s.track_id = e.track_id and s.stamp = e.stamp)
-  )
-  select array_agg(row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-                       s.is_last, n.source_id, p_map_id, n.cell_m, m.place is not null, m.stamp, st_x(m.place), st_y(m.place),
-                       m.z_min_m, '{}', null, s.std_across_m, s.std_yaw_rad)::semap.arrival)
-  into v_states
-  from moment s
-  join semap.track_now n using (track_id)
-  left join lateral (
-    select stamp, place, z_min_m from semap.pair_member where key = s.track_id limit 1) m on true;
+    select e.track_id, e.stamp, null, null, null, null, true, null, null, null, null, null, null
+    from ended e where not exists (select from stated s where s.track_id = e.track_id and s.stamp = e.stamp)) m;
 
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
-    v_some := array(select a from unnest(v_states) a where a.source_id = v_source.source_id);
+    v_some := array(
+      select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+                 s.is_last, n.source_id, p_map_id, n.cell_m, f.track_id is not null, f.stamp, f.x_m, f.y_m, f.z_m,
+                 '{}', null,
+                 s.std_across_m, s.std_yaw_rad)::semap.arrival
+      from unnest(v_states) s
+      join semap.track_now n on n.track_id = s.track_id and n.source_id = v_source.source_id
+      left join semap.followed_state f on f.track_id = s.track_id
+      where s.x_m is not null);
     if semap.any_far_step(v_source, v_some) then
-      v_states := array(select a from unnest(v_states) a where a.source_id <> v_source.source_id or a.x_m is null)
-        || (semap.gate(v_source, array(select a from unnest(v_some) a where a.x_m is not null), array(
-              -- set aside before: what came after the last state that passed
-              select row(t.track_id, s.stamp, s.x_m, s.y_m, null, null, null, null, null, null, null, null, null, null,
-                         null, null, null, null, null, null, null, null, null)::semap.arrival
-              from (select distinct track_id, seen_stamp from unnest(v_some) where live) t
-              cross join lateral (select * from semap.states_around(t.track_id, p_after + interval '1 us', 1, 0, p_after)) s
-              where s.stamp > t.seen_stamp))).passed;
+      v_states := array(select s from unnest(v_states) s
+                        where s.x_m is null or not exists (select from unnest(v_some) a where a.track_id = s.track_id))
+        || array(
+          select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.is_last, a.heading_rad, a.speed_mps,
+                     a.length_m,
+                     a.width_m, a.std_across_m, a.std_yaw_rad)::semap.track_state
+          from unnest((semap.gate(v_source, v_some, array(
+            -- set aside before: what came after the last state that passed
+            select row(t.track_id, s.stamp, s.x_m, s.y_m, null, null, null, null, null, null, null, null, null, null,
+                       null, null, null, null, null, null, null, null, null)::semap.arrival
+            from (select distinct track_id, seen_stamp from unnest(v_some) where live) t
+            cross join lateral (select * from semap.states_around(t.track_id, p_after + interval '1 us', 1, 0,
+                                                                  p_after)) s
+            where s.stamp > t.seen_stamp))).passed) a);
     end if;
   end loop;
   return v_states;
 end $$;
 
+-- Where the tracks are that these states may be about: those that move, and others that may be near to them, where
+-- queries are about two tracks.
+create or replace function semap.places_to_follow(p_map_id integer, p_query_ids integer[], p_states semap.track_state[])
+returns semap.track_state[]
+language plpgsql stable set plan_cache_mode = force_generic_plan as $$
+declare
+  c_cell_m   constant double precision := 8; -- as in semap.keep_followed
+  c_most_m   constant double precision := 40;
+  v_reach_m  double precision;
+  v_around   integer[];
+begin
+  select max(case when q.predicate = 'nearest' or semap.compares_ground(q.predicate, true) then 'infinity'
+                  when q.predicate = 'facing' then coalesce(q.distance_m, 'infinity')
+                  else q.distance_m end) into v_reach_m
+  from semap.continuous_query q
+  where q.query_id = any (p_query_ids) and q.object_kind = 'track'
+    and (q.subject_kind = 'track' or q.predicate = 'nearest');
+  if v_reach_m is null then
+    return semap.followed_places(p_map_id, array(select track_id from unnest(p_states)));
+  elsif v_reach_m > c_most_m then
+    return semap.followed_places(p_map_id);
+  end if;
+  v_around := array(select generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer));
+  return array(
+    select semap.followed_track_state(f) from semap.followed_state f
+    where f.track_id in (select track_id from unnest(p_states))
+    union
+    select semap.followed_track_state(f)
+    from (select distinct floor(x_m / c_cell_m)::integer + dx as cell_x, floor(y_m / c_cell_m)::integer + dy as cell_y
+          from unnest(p_states), unnest(v_around) dx, unnest(v_around) dy
+          where x_m is not null) c
+    join semap.followed_state f on f.map_id = p_map_id and f.cell_x = c.cell_x and f.cell_y = c.cell_y);
+end $$;
+
 -- Follow the pairs of a map up to where all its states have come.
-create or replace function semap.follow_pairs(p_map_id integer) returns void
+create or replace function semap.advance_pairs(p_map_id integer) returns void
 language plpgsql as $$
 declare
+  c_queries   constant integer[] := array(select query_id from semap.continuous_query
+                                          where map_id = p_map_id and in_pairs and enabled);
   v_through   timestamptz;
   v_complete  timestamptz;
+  v_states    semap.track_state[];
+  v_ids       bigint[];
+  v_before    semap.relation_state[];
+  v_step      record;
 begin
-  if not exists (select from semap.continuous_query where map_id = p_map_id and in_pairs and enabled) then
+  if c_queries = '{}' then
     return;
   end if;
   perform semap.hold_regions();
@@ -121,24 +174,42 @@ begin
   v_complete := semap.map_complete_through(p_map_id);
   select through into v_through from semap.pair_progress where map_id = p_map_id;
   if v_complete > v_through then
-    perform semap.compare_pairs(p_map_id, semap.states_to_follow(p_map_id, v_through, v_complete));
+    v_states := semap.states_to_follow(p_map_id, v_through, v_complete);
+    if v_states is not null then
+      v_ids := array(select distinct track_id from unnest(v_states));
+      v_before := semap.known_pairs(c_queries, v_ids);
+      v_step := semap.follow_pairs(c_queries, v_states, semap.places_to_follow(p_map_id, c_queries, v_states),
+                                   v_before);
+      perform semap.keep_followed(p_map_id, v_ids, v_step.places);
+      perform semap.keep_pairs(p_map_id, v_before, v_step.pairs);
+      perform semap.record_pair_changes(v_step.changes);
+    end if;
     update semap.pair_progress set through = v_complete where map_id = p_map_id;
   end if;
 end $$;
 
--- Pairs of these maps are followed from here on, where nobody followed them before.
-create or replace function semap.begin_following(p_map_ids integer[]) returns void
-language sql as $$
-  insert into semap.pair_progress as p (map_id, through)
-  select id, semap.map_complete_through(id) from unnest(p_map_ids) id
-  on conflict (map_id) do update set through = excluded.through where p.through < excluded.through
-$$;
+-- Pairs of a map are followed from here on, where they were not followed up to here.
+create or replace function semap.begin_following(p_map_id integer) returns void
+language plpgsql as $$
+declare
+  c_complete  constant timestamptz := semap.map_complete_through(p_map_id);
+begin
+  if c_complete <= (select through from semap.pair_progress where map_id = p_map_id) then
+    return;
+  end if;
+  insert into semap.pair_progress as p (map_id, through) values (p_map_id, c_complete)
+  on conflict (map_id) do update set through = excluded.through;
+  perform semap.flush_positions(array_agg(source_id order by source_id)) from semap.source where map_id = p_map_id;
+  delete from semap.followed_state where map_id = p_map_id;
+  perform semap.keep_followed(p_map_id, array_agg(s.track_id), array_agg(s))
+    from semap.tracks_at(p_map_id, c_complete) s;
+end $$;
 
 -- A source that has come further, or is not waited for any more, may complete stamps of its map.
 create or replace function semap.source_completes() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  perform semap.follow_pairs(map_id) from semap.map where map_id = coalesce(new.map_id, old.map_id);
+  perform semap.advance_pairs(map_id) from semap.map where map_id = coalesce(new.map_id, old.map_id);
   return null;
 end $$;
 
@@ -151,26 +222,18 @@ create or replace trigger source_completes after update on semap.source
 create or replace trigger source_gone after delete on semap.source
   for each row execute function semap.source_completes();
 
--- Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already; tracks that
--- are known by a newer one than before are there from now on.
+-- Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already; tracks
+-- that are known by a newer one than before are there from now on.
 create or replace function semap.take_late_pairs(p_map_id integer, p_late semap.arrival[]) returns void
 language plpgsql as $$
 declare
-  v_ids       bigint[] := array(select distinct track_id from unnest(p_late));
-  v_now       semap.arrival[];
-  v_appeared  bigint[];
-  v_gone      bigint[];
+  c_ids     constant bigint[] := array(select distinct track_id from unnest(p_late));
+  v_places  semap.track_state[];
 begin
   perform semap.amend_pairs(p_map_id, p_late);
-  select array_agg(row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-                       false, null, p_map_id, null, true, null, null, null, null, '{}', null, null, null)::semap.arrival),
-         array_agg(s.track_id) filter (where not exists (select from semap.pair_member m where m.key = s.track_id))
-  into v_now, v_appeared
-  from semap.tracks_followed(p_map_id, v_ids) s;
-  perform semap.place_tracks(v_now, v_appeared);
-  v_gone := array(select distinct key from semap.pair_member where key = any (v_ids)
-                  except select track_id from unnest(v_now));
-  if v_gone <> '{}' then
-    perform semap.let_tracks_go(v_gone, null, 'disappeared');
-  end if;
+  v_places := array(select s from semap.tracks_followed(p_map_id, c_ids) s);
+  perform semap.end_pairs(p_map_id, array(select id from unnest(c_ids) id
+                                          where not exists (select from unnest(v_places) p where p.track_id = id)),
+                          null, 'disappeared');
+  perform semap.keep_followed(p_map_id, c_ids, v_places);
 end $$;

@@ -64,14 +64,14 @@ $$;
 
 -- Which tracks queries are about, against what their conditions say.
 create or replace function semap.choice_differences(p_map_id integer)
-returns table (query_id integer, track_id bigint, thing text, stored text, wanted text)
+returns table (query_id integer, is_object boolean, track_id bigint, thing text, stored text, wanted text)
 language sql stable as $$
-  select coalesce(s.query_id, w.query_id), coalesce(s.track_id, w.track_id),
+  select coalesce(s.query_id, w.query_id), coalesce(s.is_object, w.is_object), coalesce(s.track_id, w.track_id),
          format('track %s, query %s', t.name, q.name),
          case when s.query_id is null then 'not chosen' else 'chosen' end,
          case when w.query_id is null then 'not chosen' else 'chosen' end
   from (select * from semap.query_track where map_id = p_map_id) s
-  full join (select * from semap.query_track_wanted where map_id = p_map_id) w using (query_id, track_id)
+  full join (select * from semap.query_track_wanted where map_id = p_map_id) w using (query_id, is_object, track_id)
   join semap.track t on t.track_id = coalesce(s.track_id, w.track_id)
   join semap.continuous_query q on q.query_id = coalesce(s.query_id, w.query_id)
   where s.query_id is null or w.query_id is null

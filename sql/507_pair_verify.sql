@@ -1,19 +1,24 @@
--- Pairs (sql/121-126) against what they follow from: who takes part in queries about them, and what holds between any two
--- who do. Nothing is taken from pair_member, nor found by its index. The log is compared as that of regions is (sql/505).
+-- Pairs (sql/121-126) against what they follow from: who takes part in queries about them, and what holds between any
+-- two who do. Nothing is taken from pair_instance or followed_state, nor found by an index. The log is compared as that
+-- of regions is (sql/505).
 
--- Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks alone.
+-- Who takes part in the queries about pairs of a map, on which side and where, by the map and the presents of tracks
+-- alone.
 create or replace function semap.wanted_members(p_map_id integer) returns table (
   key bigint, query_id integer, is_object boolean, query_name text, track_id bigint, instance_id bigint,
   uid uuid, name text, stamp timestamptz, place public.geometry, shape public.geometry, box public.geometry,
   z_min_m double precision, z_max_m double precision, yaw_rad double precision
 )
 language sql stable as $$
-  select -w.instance_id, w.query_id, w.is_object, w.query_name, null, w.instance_id, w.uid, w.name, null, w.place, w.shape,
-         semap.pair_box(st_xmin(w.shape), st_ymin(w.shape), st_xmax(w.shape), st_ymax(w.shape), w.query_id, w.is_object),
+  select -w.instance_id, w.query_id, w.is_object, w.query_name, null, w.instance_id, w.uid, w.name, null, w.place,
+         w.shape,
+         semap.pair_box(st_xmin(w.shape), st_ymin(w.shape), st_xmax(w.shape), st_ymax(w.shape), w.query_id,
+                        w.is_object),
          w.z_min_m, w.z_max_m, w.yaw_rad
   from semap.pair_instance_wanted w where w.map_id = p_map_id
   union all
-  select w.track_id, w.query_id, w.is_object, w.query_name, w.track_id, null, w.uid, w.name, n.stamp, st_point(n.x_m, n.y_m),
+  select w.track_id, w.query_id, w.is_object, w.query_name, w.track_id, null, w.uid, w.name, n.stamp,
+         st_point(n.x_m, n.y_m),
          s.shape,
          semap.pair_box(floor(st_xmin(s.shape) / 2) * 2, floor(st_ymin(s.shape) / 2) * 2,
                         ceil(st_xmax(s.shape) / 2) * 2, ceil(st_ymax(s.shape) / 2) * 2, w.query_id, w.is_object),
@@ -25,33 +30,44 @@ language sql stable as $$
   where w.map_id = p_map_id
 $$;
 
--- Who takes part in queries about pairs, and where, against what the queries, the map and the presents of tracks say.
+-- Instances that take part in queries about pairs, with what these compare of each, against what the queries and the
+-- map say; and where tracks are as pairs see them, against their states.
 create or replace function semap.pair_member_differences(p_map_id integer)
 returns table (key bigint, query_id integer, is_object boolean, thing text, stored text, wanted text)
 language sql stable as $$
-  select coalesce(m.key, w.key), coalesce(m.query_id, w.query_id), coalesce(m.is_object, w.is_object),
+  select -coalesce(m.instance_id, w.instance_id), coalesce(m.query_id, w.query_id), coalesce(m.is_object, w.is_object),
          format('%s of %s: %s', case when coalesce(m.is_object, w.is_object) then 'object' else 'subject' end,
-                coalesce(w.query_name, m.query_name),
-                case when coalesce(m.key, w.key) > 0 then 'track ' else '' end || coalesce(w.name, m.name)),
-         case when m.key is null then 'none' when w.key is null then 'one'
-              else format('%s at %s at %s', m.name, st_astext(m.place), m.stamp) end,
-         case when w.key is null then 'none' when m.key is null then 'one'
-              when (m.name, m.stamp, st_asbinary(m.place)) is distinct from (w.name, w.stamp, st_asbinary(w.place))
-                then format('%s at %s at %s', w.name, st_astext(w.place), w.stamp)
-              else 'another shape, box, height, heading, query or identity' end
-  from (select * from semap.pair_member where map_id = p_map_id) m
-  full join (select * from semap.wanted_members(p_map_id)) w
-    on w.key = m.key and w.query_id = m.query_id and w.is_object = m.is_object
-  where m.key is null or w.key is null
-     or (m.query_name, m.uid, m.name, m.stamp, st_asbinary(m.place), st_asbinary(m.shape), st_asbinary(m.box),
-         m.z_min_m, m.z_max_m, m.yaw_rad) is distinct from
-        (w.query_name, w.uid, w.name, w.stamp, st_asbinary(w.place), st_asbinary(w.shape), st_asbinary(w.box),
-         w.z_min_m, w.z_max_m, w.yaw_rad)
+                coalesce(w.query_name, m.query_id::text), coalesce(w.name, m.name)),
+         case when m.instance_id is null then 'none' when w.instance_id is null then 'one'
+              else format('%s at %s', m.name, st_astext(m.place)) end,
+         case when w.instance_id is null then 'none' when m.instance_id is null then 'one'
+              when (m.name, st_asbinary(m.place)) is distinct from (w.name, st_asbinary(w.place))
+                then format('%s at %s', w.name, st_astext(w.place))
+              else 'another shape, box, height, heading or identity' end
+  from (select * from semap.pair_instance where map_id = p_map_id) m
+  full join (select *, semap.pair_box(st_xmin(shape), st_ymin(shape), st_xmax(shape), st_ymax(shape), query_id,
+                                      is_object) as box
+             from semap.pair_instance_wanted where map_id = p_map_id) w using (instance_id, query_id, is_object)
+  where m.instance_id is null or w.instance_id is null
+     or (m.uid, m.name, st_asbinary(m.place), st_asbinary(m.shape), st_asbinary(m.box), m.z_min_m, m.z_max_m, m.yaw_rad)
+        is distinct from
+        (w.uid, w.name, st_asbinary(w.place), st_asbinary(w.shape), st_asbinary(w.box), w.z_min_m, w.z_max_m, w.yaw_rad)
+  union all
+  select coalesce(f.track_id, n.track_id), null, null, 'track ' || t.name,
+         case when f.track_id is null then 'none' else format('at %s, %s at %s', f.x_m, f.y_m, f.stamp) end,
+         case when n.track_id is null then 'none' else format('at %s, %s at %s', n.x_m, n.y_m, n.stamp) end
+  from (select (semap.followed_track_state(f)).* from semap.followed_state f where f.map_id = p_map_id) f
+  full join (select * from semap.tracks_followed(p_map_id)
+             where exists (select from semap.pair_side where map_id = p_map_id)) n using (track_id)
+  join semap.track t using (track_id)
+  where (f is distinct from n)
+    and (n.track_id is not null or exists (select from semap.pair_side where map_id = p_map_id))
 $$;
 
--- Each two things of a map that are a pair by what is stored, or may be one by where they are now, with how they stand to
--- each other: all members of a query with all. `enters`: it holds beyond doubt; `leaves`: it does not; between the two
--- lie margins. What approaches depends on the way: of that is known only whether the two are within reach (is_near).
+-- Each two things of a map that are a pair by what is stored, or may be one by where they are now, with how they stand
+-- to each other: all members of a query with all. `enters`: it holds beyond doubt; `leaves`: it does not; between the
+-- two lie margins. What approaches depends on the way: of that is known only whether the two are within reach
+-- (is_near).
 create or replace function semap.standing_pairs(p_map_id integer) returns table (
   query_id integer, subject_key bigint, object_key bigint, predicate text, pair semap.pair, have_members boolean,
   subject_name text, object_name text, query_name text, enters boolean, leaves boolean, is_near boolean,
@@ -105,8 +121,10 @@ language sql stable as $$
     s.place, s.shape, s.z_min_m, s.z_max_m, s.yaw_rad, o.place, o.shape, o.z_min_m, o.z_max_m) r
     on q.predicate not in ('nearest', 'crosses') and s.key is not null and o.key is not null
   cross join lateral (
-    select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end as enters,
-           case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end as leaves) c
+    select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end
+      as enters,
+           case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end
+             as leaves) c
 $$;
 
 -- Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.
@@ -114,10 +132,12 @@ create or replace function semap.pair_differences(p_map_id integer)
 returns table (query_id integer, subject_key bigint, object_key bigint, thing text, stored text, wanted text)
 language sql stable as $$
   select s.query_id, s.subject_key, s.object_key,
-         format('%s, %s (%s)', case when s.subject_key > 0 then 'track ' else '' end || coalesce(s.subject_name, 'something'),
+         format('%s, %s (%s)', case when s.subject_key > 0 then 'track '
+                else '' end || coalesce(s.subject_name, 'something'),
                 case when s.object_key > 0 then 'track ' else '' end || coalesce(s.object_name, 'something'),
                 coalesce(s.query_name, 'a query that is gone')),
-         case when (s.pair).pair_id is null then 'no pair' when s.predicate = 'crosses' and not (s.pair).held then 'a side of a line'
+         case when (s.pair).pair_id is null then 'no pair' when s.predicate = 'crosses' and not (s.pair).held
+           then 'a side of a line'
               when (s.pair).held and (s.pair).inside then 'holds since ' || (s.pair).since
               when (s.pair).held then 'about to end' when (s.pair).inside then 'about to begin' else 'followed' end,
          d.wanted

@@ -1,5 +1,5 @@
--- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or pair_member but how instances
--- look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
+-- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or pair_member but how
+-- instances look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
 
 -- The queries about tracks whose pairs can be told from one moment.
 create or replace function semap.momentary_queries(p_map_id integer) returns setof semap.continuous_query
@@ -18,21 +18,24 @@ language sql stable as $$
     select * from semap.tracks_at(p_map_id, p_at)
   ), side as materialized (
     select w.query_id, w.is_object, p.track_id, st_point(p.x_m, p.y_m) as place, p.z_m, p.heading_rad,
-           semap.track_shape(w.predicate, w.is_object, w.distance_m, p.x_m, p.y_m, p.heading_rad, p.length_m, p.width_m) as shape
+           semap.track_shape(w.predicate, w.is_object, w.distance_m, p.x_m, p.y_m, p.heading_rad, p.length_m,
+                             p.width_m) as shape
     from place p join semap.pair_track_wanted w using (track_id) where w.map_id = p_map_id
   )
   select q.query_id, s.track_id, o.track_id
   from semap.momentary_queries(p_map_id) q
   join side s on s.query_id = q.query_id and not s.is_object
   join side o on o.query_id = q.query_id and o.is_object and o.track_id <> s.track_id
-    and (q.predicate = 'facing' or st_dwithin(s.shape, o.shape, case when q.predicate = 'within_distance' then q.distance_m else 0 end + 1e-9))
+    and (q.predicate = 'facing'
+         or st_dwithin(s.shape, o.shape, case when q.predicate = 'within_distance' then q.distance_m else 0 end + 1e-9))
   cross join lateral semap.pair_stands(
     q.predicate, q.dimensions, q.distance_m, 0, 0, q.angle_rad, s.track_id, o.track_id, s.place, s.shape, s.z_m, s.z_m,
     s.heading_rad, o.place, o.shape, o.z_m, o.z_m) r
   where r.side
 $$;
 
--- The log of pairs against where both were, at the newest moments at which something began or ended, and at others between.
+-- The log of pairs against where both were, at the newest moments at which something began or ended, and at others
+-- between.
 create or replace function semap.pair_history_differences(p_map_id integer, p_moments integer default 40)
 returns table (stamp timestamptz, thing text, stored text, wanted text)
 language sql stable as $$
@@ -55,7 +58,8 @@ language sql stable as $$
     select m.at, s.query_id, s.track_id, s.object_track_id
     from moment m join span s on s.from_at <= m.at and s.to_at > m.at
   ), stood as (
-    select m.at, p.query_id, p.subject_key, p.object_key from moment m cross join lateral semap.pairs_at(p_map_id, m.at) p
+    select m.at, p.query_id, p.subject_key, p.object_key from moment m
+      cross join lateral semap.pairs_at(p_map_id, m.at) p
   )
   select d.at, format('%s at %s', semap.relation_in_words(d.query_id, d.track_id, null, null, d.object_track_id), d.at),
          case when d.is_logged then 'a relation' else 'no relation' end,
@@ -68,7 +72,8 @@ $$;
 
 -- Where a track crossed a line, by its states of the last hour up to a moment: stamps of the states that showed it.
 create or replace function semap.crossings_again(
-  p_now semap.track_now, p_line public.geometry, p_fastest_mps double precision, p_longest_gap interval, p_to timestamptz
+  p_now semap.track_now, p_line public.geometry, p_fastest_mps double precision, p_longest_gap interval,
+  p_to timestamptz
 ) returns table (stamp timestamptz, edge_at timestamptz, direction text, z_m double precision)
 language plpgsql stable as $$
 declare
@@ -82,9 +87,10 @@ begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   for v_now in
     select a.* from unnest((semap.arrivals_again(
-      v_source, array(select s from semap.states_between(array[p_now.track_id], v_from - interval '1 us', p_to) s),
+      v_source, array(select s from semap.states(array[p_now.track_id], v_from, p_to) s),
       p_now, v_from = p_now.first_stamp,
-      array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id and e.stamp between v_from and p_to),
+      array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id
+            and e.stamp between v_from and p_to),
       p_to)).arrivals) a order by a.stamp
   loop
     if v_before.stamp is null or v_before.is_last or v_now.x_m is null then
@@ -97,7 +103,8 @@ begin
       v_across := semap.way_across(p_line, v_before.x_m, v_before.y_m, v_now.x_m, v_now.y_m, v_side);
       v_side := v_across.came_from_left;
       return query
-        select v_now.stamp, v_before.stamp + make_interval(secs => part * extract(epoch from v_now.stamp - v_before.stamp)),
+        select v_now.stamp,
+               v_before.stamp + make_interval(secs => part * extract(epoch from v_now.stamp - v_before.stamp)),
                case when is_left then 'left_to_right' else 'right_to_left' end,
                v_before.z_m + part * (v_now.z_m - v_before.z_m)
         from unnest(v_across.parts, v_across.from_left) u (part, is_left);
@@ -139,5 +146,6 @@ language sql stable as $$
   from (select *, true as is_logged from (select * from logged except all select * from wanted) l
         union all
         select *, false from (select * from wanted except all select * from logged) w) d
-  join semap.track k using (track_id) join semap.instance i using (instance_id) join semap.continuous_query q using (query_id)
+  join semap.track k using (track_id) join semap.instance i using (instance_id) join semap.continuous_query q
+    using (query_id)
 $$;

@@ -154,7 +154,7 @@ begin
     join semap.region r on r.region_id = p.region_id and r.careful
     where (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
       and (r.subject is null or exists (select from semap.query_track s
-                                        where s.query_id = r.query_id and s.track_id = t.track_id))
+                                        where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
   ), wanted as (
     select t.track_id, t.region_id from truth t join semap.region r using (region_id)
     join semap.region_wanted w using (query_id, instance_id)

@@ -14,8 +14,10 @@ begin
   drop table if exists pg_temp.semap_open;
   create temporary table semap_open on commit drop as
     select c.*, k.*,
-           exists (select from pg_temp.semap_side s where s.key = k.subject_key and s.query_id = c.query_id and not s.is_object)
-           and exists (select from pg_temp.semap_side s where s.key = k.object_key and s.query_id = c.query_id and s.is_object)
+           exists (select from pg_temp.semap_side s where s.key = k.subject_key and s.query_id = c.query_id
+                   and not s.is_object)
+           and exists (select from pg_temp.semap_side s where s.key = k.object_key and s.query_id = c.query_id
+                       and s.is_object)
              as is_there
     from semap.folded_changes(p_map_id) f
     cross join lateral (select (f.change).*) c
@@ -30,7 +32,8 @@ begin
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since)
-  select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
+  select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+         subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, 'ended', 'map', m.at, m.at, edge_at
   from pg_temp.semap_open a
   cross join lateral (
@@ -44,7 +47,8 @@ begin
     delete from semap.pair p
     where p.map_id = p_map_id and p.held
       and not exists (select from pg_temp.semap_open o
-                      where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key and o.object_key = p.object_key)
+                      where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key
+                        and o.object_key = p.object_key)
       and (p.since >= coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity')
            or exists (select from semap.continuous_query q where q.query_id = p.query_id and q.predicate = 'crosses'))
     returning p.query_id, p.subject_key, p.object_key
@@ -62,43 +66,56 @@ begin
   select * from unsaid union select * from said;
 end $$;
 
--- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an edit.
--- Says how many relations began or ended by it.
+-- Make members of pairs on a map anew where they differ, and compare again who is in a pair that differs, as after an
+-- edit. Says how many relations began or ended by it.
 create or replace function semap.repair_pairs(p_map_id integer) returns bigint
 language plpgsql as $$
 declare
   v_before   bigint := (select coalesce(max(change_id), 0) from semap.relation_change where map_id = p_map_id);
   v_changed  record;
+  v_keys     bigint[];
+  v_edited   bigint[];
+  v_pairs    semap.relation_state[];
+  v_step     record;
 begin
   perform semap.pair_as_told(p_map_id);
   delete from semap.pair p
   where p.map_id = p_map_id and not (
-    exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id and not s.is_object)
-    and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id and s.is_object));
+    exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id
+            and not s.is_object)
+    and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id
+                and s.is_object));
 
-  drop table if exists pg_temp.semap_differing;
-  create temporary table semap_differing on commit drop as
-    select key, query_id, is_object from semap.pair_member_differences(p_map_id);
-  analyze pg_temp.semap_differing;
-  delete from semap.pair_member m using pg_temp.semap_differing d
-  where m.key = d.key and m.query_id = d.query_id and m.is_object = d.is_object;
-  insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, instance_id, uid, name, stamp,
-                                 place, shape, box, z_min_m, z_max_m, yaw_rad, formed_stamp, formed_track_id)
-  select query_id, is_object, p_map_id, query_name, track_id, instance_id, uid, name, stamp,
-         place, shape, box, z_min_m, z_max_m, yaw_rad, coalesce(n.newest, '-infinity'), coalesce(n.newest_id, 0)
-  from semap.wanted_members(p_map_id) join pg_temp.semap_differing using (key, query_id, is_object)
-  cross join (select max(p.through) as newest, max(t.track_id) as newest_id
-              from semap.track_now t join semap.pair_progress p using (map_id) where t.map_id = p_map_id) n;
+  v_keys := array(select distinct key from semap.pair_member_differences(p_map_id));
+  delete from semap.pair_instance where map_id = p_map_id and -instance_id = any (v_keys);
+  v_edited := semap.place_instances(
+    array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs and enabled),
+    array(select -key from unnest(v_keys) key where key < 0));
+  perform semap.keep_followed(p_map_id, array(select key from unnest(v_keys) key where key > 0),
+                              array(select s from semap.tracks_followed(p_map_id) s));
+  update semap.pair_instance m
+  set formed_stamp = n.newest, formed_track_id = n.newest_id
+  from (select max(p.through) as newest, max(t.track_id) as newest_id
+        from semap.track_now t join semap.pair_progress p using (map_id) where t.map_id = p_map_id) n
+  where m.map_id = p_map_id and m.instance_id = any (v_edited) and n.newest is not null;
 
   for v_changed in
     select query_id, array_agg(distinct subject_key) as keys from semap.pair_differences(p_map_id)
     group by query_id order by query_id
   loop
-    perform semap.record_pair_changes(semap.settle_pairs(array[v_changed.query_id], v_changed.keys, null, null, 'map'));
+    v_pairs := semap.known_pairs(array[v_changed.query_id]);
+    v_step := semap.follow_moment(
+      array[v_changed.query_id], semap.followed_places(p_map_id, v_changed.keys),
+      array(select p from unnest(semap.followed_places(p_map_id)) p where p.track_id <> all (v_changed.keys)),
+      array(select -k from unnest(v_changed.keys) k where k < 0), null, null, null, 'map', v_pairs);
+    perform semap.keep_pairs(p_map_id, v_pairs, v_step.pairs);
+    perform semap.record_pair_changes(v_step.changes);
   end loop;
   -- what the log says of the past stays, and is no matter of what these queries are from now on
-  if exists (select from semap.pair_history_differences(p_map_id)) or exists (select from semap.crossing_differences(p_map_id)) then
-    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs));
+  if exists (select from semap.pair_history_differences(p_map_id))
+    or exists (select from semap.crossing_differences(p_map_id)) then
+    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id
+                                        and in_pairs));
   end if;
   return (select count(*) from semap.relation_change
           where map_id = p_map_id and change_id > v_before and kind in ('began', 'ended') and amendment is null);

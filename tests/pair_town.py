@@ -223,12 +223,12 @@ class Town:
         return {
             (subject, object_, since)
             for subject, object_, since in self.world.rows(
-                "select s.name, o.name, (extract(epoch from h.since) * 1000000)::bigint"
+                "select coalesce(s.name, si.name), coalesce(o.name, oi.name), (extract(epoch from h.since) * 1000000)::bigint"
                 " from semap.relation_held h"
-                " join semap.pair_member s on s.key = coalesce(h.track_id, -h.subject_instance_id)"
-                " and s.query_id = h.query_id and not s.is_object"
-                " join semap.pair_member o on o.key = coalesce(h.object_track_id, -h.instance_id)"
-                " and o.query_id = h.query_id and o.is_object where h.query_id = %s",
+                " left join semap.track s on s.track_id = h.track_id"
+                " left join semap.instance si on si.instance_id = h.subject_instance_id"
+                " left join semap.track o on o.track_id = h.object_track_id"
+                " left join semap.instance oi on oi.instance_id = h.instance_id where h.query_id = %s",
                 self.query_id,
             )
         }

@@ -86,12 +86,15 @@ comment on table semap.query_request is 'Continuous queries that were asked for 
 comment on column semap.query_request.refusal is
   'line and column in the text (null where there is no place), the reason, and the remedy.';
 
--- Which tracks a query with conditions on its subject is about.
+-- Which tracks the sides of queries are about that ask for more than any.
 create table semap.query_track (
-  query_id  integer not null references semap.continuous_query on delete cascade,
-  track_id  bigint not null references semap.track on delete cascade,
-  map_id    integer not null,
-  primary key (query_id, track_id)
+  query_id         integer not null references semap.continuous_query on delete cascade,
+  is_object        boolean not null,
+  track_id         bigint not null references semap.track on delete cascade,
+  map_id           integer not null,
+  formed_stamp     timestamptz not null default '-infinity',
+  formed_track_id  bigint not null default 0,
+  primary key (query_id, is_object, track_id)
 );
 create index query_track_track on semap.query_track (track_id);
 

@@ -25,37 +25,52 @@ create table semap.pair (
 create index pair_subject on semap.pair (subject_key);
 create index pair_object on semap.pair (object_key);
 
--- Who takes part in a query, on which side, and where it is; boxes of tracks are wider, so that a step within one
--- leaves the index alone.
-create table semap.pair_member (
-  key              bigint not null generated always as (coalesce(track_id, -instance_id)) stored,
+-- Which instances a query is about, on which side, and what it compares of each.
+create table semap.pair_instance (
+  instance_id      bigint not null,
   query_id         integer not null,
   is_object        boolean not null,
   map_id           integer not null,
-  query_name       text not null,
-  track_id         bigint,
-  instance_id      bigint,
   uid              uuid not null,
   name             text not null,
-  stamp            timestamptz,
   place            public.geometry,
-  shape            public.geometry,
-  box              public.geometry,
-  z_min_m          double precision,
-  z_max_m          double precision,
+  shape            public.geometry not null,
+  box              public.geometry not null,
+  z_min_m          double precision not null,
+  z_max_m          double precision not null,
   yaw_rad          double precision,
   formed_stamp     timestamptz not null default '-infinity',
   formed_track_id  bigint not null default 0,
-  primary key (key, query_id, is_object),
-  check (num_nonnulls(track_id, instance_id) = 1)
+  primary key (instance_id, query_id, is_object)
+);
+create index pair_instance_query on semap.pair_instance (query_id, is_object);
+create index pair_instance_box on semap.pair_instance using gist (box public.gist_geometry_ops_nd);
+
+-- The state of each live track at the stamp up to which the pairs of its map were followed.
+create table semap.followed_state (
+  track_id      bigint primary key,
+  map_id        integer not null,
+  cell_x        integer not null,
+  cell_y        integer not null,
+  stamp         timestamptz not null,
+  x_m           double precision not null,
+  y_m           double precision not null,
+  z_m           double precision,
+  std_m         real,
+  heading_rad   real,
+  speed_mps     real,
+  length_m      real,
+  width_m       real,
+  std_across_m  real,
+  std_yaw_rad   real
 ) with (fillfactor = 50);
-create index pair_member_query on semap.pair_member (query_id, is_object);
-create index pair_member_box on semap.pair_member using gist (box public.gist_geometry_ops_nd);
+create index followed_state_cell on semap.followed_state (map_id, cell_x, cell_y);
 
 -- Pairs of tracks that are older than the form of a query are corrected only after the newest state of its map.
 create table semap.pair_form (
-  query_id         integer primary key references semap.continuous_query on delete cascade,
+  query_id         integer primary key,
   map_id           integer not null,
+  query_name       text not null,
   formed_stamp     timestamptz not null,
   formed_track_id  bigint not null
 );
@@ -65,7 +80,21 @@ create table semap.pair_progress (
   through  timestamptz not null
 );
 comment on table semap.pair_progress is
-  'Up to which stamp the pairs of a map were followed; tracks in pair_member are where they were then.';
+  'Up to which stamp the pairs of a map were followed; followed_state has where tracks were then.';
+
+-- What a relation is (sql/112), of a query, a subject and an object: tracks by their ids, instances by theirs below zero.
+create type semap.relation_state as (
+  query_id integer, subject_key bigint, object_key bigint,
+  confirmed boolean, since timestamptz, pending boolean, pending_at timestamptz,
+  raw boolean, raw_at timestamptz, x_m double precision, y_m double precision,
+  distance_m double precision, distance_at timestamptz
+);
+
+-- What is seen of a relation at a moment.
+create type semap.observation as (
+  at timestamptz, x_m double precision, y_m double precision,
+  raw boolean, enters boolean, leaves boolean, is_fresh boolean, distance_m double precision
+);
 
 -- A change of a pair as it is found, before it is written.
 create type semap.pair_change as (

@@ -36,6 +36,7 @@ from semap.formats.geojson_shape import Shape, ShapeError, parse_shape
 from semap.formats.geojson_system import Crs, as_metres, system_of
 from semap.formats.refusals import Refusals, listed
 from semap.formats.source import read_bytes, utf8
+from semap.formats.uncollected import uncollected
 from semap.geometry.pose import pose_from_yaw
 from semap.geometry.prism import extrude
 from semap.model.building import Building, Finding, HeightBand, Item, Storey
@@ -61,11 +62,12 @@ OWN_PROPERTIES = {
 def read_geojson(path: Path, crs: Crs | None = None) -> Building:
     """Read a floor plan from a file; see `parse_geojson`."""
     text = utf8(read_bytes(path), str(path))
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InvalidInput(f"not JSON: {error}", "Give a GeoJSON file in UTF-8.", str(path)) from error
-    return parse_geojson(document, where=str(path), crs=crs)
+    with uncollected():
+        try:
+            document = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise InvalidInput(f"not JSON: {error}", "Give a GeoJSON file in UTF-8.", str(path)) from error
+        return parse_geojson(document, where=str(path), crs=crs)
 
 
 def parse_geojson(document: object, where: str = "", crs: Crs | None = None) -> Building:

@@ -33,6 +33,9 @@ LIFT = "Lift"
 STEP_M = 0.2
 """The lowest and the highest part of a stair: a step."""
 
+THICK_M = 0.6
+"""How far above its lowest part one stands at the foot, at most: a sloping slab reaches below the floor."""
+
 TREAD_M = 0.5
 """The ends of a stair: a tread or two."""
 
@@ -82,7 +85,7 @@ def joined_by_stair(points_m: NDArray[np.float64], places: Sequence[Place]) -> t
     # A massive stair stands on the floor in all its length: its foot is the end away from the head.
     away_m = np.linalg.norm(lowest_m[:, :2] - highest_m[:, :2].mean(axis=0), axis=1)
     head = _around(highest_m)
-    below = _best(_around(lowest_m[away_m >= away_m.max() - TREAD_M]), low_m + STEP_M, places)
+    below = _best(_around(lowest_m[away_m >= away_m.max() - TREAD_M]), low_m + THICK_M, places)
     if below is None:
         return ()
     # A stair often has a room of its own, of both storeys: it leads out of that.

@@ -7,11 +7,9 @@ makes an object, and what an alias repeats is limited, so that a small file cann
 from __future__ import annotations
 
 import difflib
-import gc
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 from uuid import UUID
@@ -20,6 +18,7 @@ import yaml
 
 from semap.errors import InvalidInput
 from semap.formats.source import utf8
+from semap.formats.uncollected import uncollected
 
 MAX_BYTES = 64 * 1024**2
 LARGE_BYTES = 1024**2
@@ -218,7 +217,7 @@ def parse_yaml(data: bytes, name: str, shape: Shape | None = None) -> Node:
         if hasattr(_Loader, "raw_parse"):
             # In C alone, so that one that is no YAML near its end is refused at once.
             _Loader(text).raw_parse()
-        with _without_collection():
+        with uncollected():
             return _Reading(name, text).document(shape)
     except yaml.MarkedYAMLError as error:
         where = name if error.problem_mark is None else _where(name, error.problem_mark)
@@ -227,18 +226,6 @@ def parse_yaml(data: bytes, name: str, shape: Shape | None = None) -> Node:
         ) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InvalidInput(f"not YAML: {error}", "Give a YAML file in UTF-8.", name) from error
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """Nobody seeks unreachable objects: among millions of new ones that takes longer than all else."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _where(name: str, mark: Any) -> str:

@@ -35,8 +35,8 @@ _LACKING = text("""
       when in_pairs then exists (
         select from (values (false, subject_kind), (true, object_kind)) s (is_object, kind)
         where kind = 'instance' and not exists (
-          select from semap.pair_member m
-          where m.query_id = q.query_id and m.is_object = s.is_object and m.instance_id is not null))
+          select from semap.pair_instance m
+          where m.query_id = q.query_id and m.is_object = s.is_object))
       else not exists (select from semap.region r where r.query_id = q.query_id) end
     from semap.continuous_query q where q.query_id = :query_id and q.enabled
 """)

@@ -35,12 +35,14 @@ PAST = """
     from semap.relation_past where query_id = %s
 """
 REMEMBERED = """
-    select s.name, o.name, p.held, p.inside,
+    select coalesce(s.name, si.name), coalesce(o.name, oi.name), p.held, p.inside,
            case when p.inside <> p.held then (extract(epoch from p.inside_at) * 1000000)::bigint end,
            round(p.distance_m::numeric, 9)::float, (extract(epoch from p.distance_at) * 1000000)::bigint
     from semap.pair p
-    join semap.pair_member s on s.key = p.subject_key and s.query_id = p.query_id and not s.is_object
-    join semap.pair_member o on o.key = p.object_key and o.query_id = p.query_id and o.is_object
+    left join semap.track s on s.track_id = p.track_id
+    left join semap.instance si on si.instance_id = p.subject_instance_id
+    left join semap.track o on o.track_id = p.object_track_id
+    left join semap.instance oi on oi.instance_id = p.instance_id
     where p.query_id = %s
 """
 

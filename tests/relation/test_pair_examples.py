@@ -174,7 +174,8 @@ def test_a_query_begins_with_what_holds(town_of) -> None:
     }  # fmt: skip
     town.world.run("delete from semap.continuous_query where query_id = %s", town.query_id)
     assert town.held() == set()
-    assert town.world.rows("select from semap.pair_member where query_id = %s", town.query_id) == []
+    for table in ("pair", "pair_form", "pair_instance"):
+        assert town.world.rows(f"select from semap.{table} where query_id = %s", town.query_id) == []
     for each in ("Ann", "Bob"):
         other = "Bob" if each == "Ann" else "Ann"
         town.oracle.log.append(Change("ended", "map", each, other, SECOND_US, SECOND_US, SECOND_US))
@@ -202,7 +203,7 @@ def test_a_map_that_goes_takes_its_pairs_along(town_of) -> None:
         seen(town, name, 1, 0, 0)
     assert len(town.held()) == 2
     town.world.run("delete from semap.map where map_id = %s", town.world.map_id)
-    for table in ("pair", "pair_member", "relation_change", "relation_past"):
+    for table in ("pair", "pair_instance", "followed_state", "relation_change", "relation_past"):
         assert town.world.rows(f"select from semap.{table} where map_id = %s", town.world.map_id) == []
     town.oracle = PairOracle(town.oracle.asked)
 

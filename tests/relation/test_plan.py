@@ -108,13 +108,13 @@ def test_tracks_in_pairs_are_found_by_key_though_the_table_was_empty_when_it_was
 
     move(1)
     world.run("update semap.track set ended_at = to_timestamp(2)")
-    world.run("vacuum (analyze, truncate off) semap.pair_member")
+    world.run("vacuum (analyze, truncate off) semap.followed_state")
     with connect(world.dsn) as fresh:
         world.connection.close()
         world.connection = fresh
         with fresh.transaction():
             move(3)
             (read,) = world.rows(
-                "select seq_tup_read + idx_tup_fetch from pg_stat_xact_user_tables where relname = 'pair_member'"
+                "select seq_tup_read + idx_tup_fetch from pg_stat_xact_user_tables where relname = 'followed_state'"
             )
         assert tracks <= read[0] <= 20 * tracks

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 from busy_building import (
+    MAY_WAIT,
     QUERIES,
     ROOMS,
-    MAY_WAIT,
     Done,
     Shift,
     add_query,

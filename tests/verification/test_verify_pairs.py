@@ -100,20 +100,27 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
 
 
 OF_MAP = "map_id = (select map_id from semap.map where name = '{}')"
-MEMBER = (
-    "(key, query_id, is_object) = (select key, query_id, is_object from semap.pair_member where {} limit 1)"
+INSTANCE = (
+    "(instance_id, query_id, is_object) = (select instance_id, query_id, is_object from semap.pair_instance where {} limit 1)"
 )
-TRACK, INSTANCE = "track_id is not null", "instance_id is not null"
+TRACK = "track_id = (select min(track_id) from semap.followed_state where {})"
 ONE_PAIR = "pair_id = (select min(pair_id) from semap.pair where held and {})"
 
 
-def one_of(map_name: str, condition: str = TRACK) -> str:
-    return MEMBER.format(f"{OF_MAP.format(map_name)} and {condition}")
+def one_of(map_name: str, of: str = TRACK) -> str:
+    return of.format(OF_MAP.format(map_name))
 
 
 def held(map_name: str) -> str:
     return ONE_PAIR.format(OF_MAP.format(map_name))
 
+
+SIDES = """(
+    select w.map_id, w.query_id, w.is_object, w.track_id as key, w.track_id, null::bigint as instance_id,
+           st_point(f.x_m, f.y_m) as place
+    from semap.pair_track_wanted w join semap.followed_state f using (track_id)
+    union all
+    select map_id, query_id, is_object, -instance_id, null, instance_id, place from semap.pair_instance)"""
 
 HELD = ("near", "with margins", "nearest", "nearest track", "facing", "contains", "on", "intersects")
 BROKEN = {
@@ -123,7 +130,7 @@ BROKEN = {
         name,
         "insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, held, since,"
         " inside, inside_at) select s.map_id, s.query_id, s.track_id, s.instance_id, o.instance_id, o.track_id, true, now(),"
-        " true, now() from semap.pair_member s join semap.pair_member o on o.query_id = s.query_id and o.is_object"
+        f" true, now() from {SIDES} s join {SIDES} o on o.query_id = s.query_id and o.is_object"
         f" and o.key <> s.key where not s.is_object and s.{OF_MAP.format(name)} and not exists (select from semap.pair p"
         " where p.query_id = s.query_id and p.subject_key = s.key and p.object_key = o.key) order by 2, st_distance(s.place,"
         " o.place) desc limit 1", {"log", "pairs"}) for name in ("near", "with margins", "nearest", "in front", "contains")},
@@ -141,25 +148,29 @@ BROKEN = {
         "approaching", f"delete from semap.pair where not held and {OF_MAP.format('approaching')}", {"pairs"}),
     "a line that is held": (
         "crosses", "insert into semap.pair (map_id, query_id, track_id, instance_id, held, since, inside) select s.map_id,"
-        " s.query_id, s.track_id, o.instance_id, true, now(), true from semap.pair_member s join semap.pair_member o"
+        f" s.query_id, s.track_id, o.instance_id, true, now(), true from {SIDES} s join {SIDES} o"
         f" using (query_id) where not s.is_object and o.is_object and s.{OF_MAP.format('crosses')} limit 1",
         {"pairs", "log"}),
-    "no member": ("near", f"delete from semap.pair_member where {one_of('near')}", {"pair members"}),
-    "no instance": ("nearest", f"delete from semap.pair_member where {one_of('nearest', INSTANCE)}", {"pair members"}),
-    "a member at another place": (
-        "near", f"update semap.pair_member set place = st_translate(place, 1, 0) where {one_of('near')}", {"pair members"}),
-    "a member of another shape": (
-        "contains", f"update semap.pair_member set shape = st_buffer(shape, 1) where {one_of('contains', INSTANCE)}",
+    "no place": ("near", f"delete from semap.followed_state where {one_of('near')}", {"pair members"}),
+    "no instance": (
+        "nearest", f"delete from semap.pair_instance where {one_of('nearest', INSTANCE)}", {"pair members"}),
+    "a track at another place": (
+        "near", f"update semap.followed_state set x_m = x_m + 1 where {one_of('near')}", {"pair members"}),
+    "an instance of another shape": (
+        "contains", f"update semap.pair_instance set shape = st_buffer(shape, 1) where {one_of('contains', INSTANCE)}",
         {"pair members"}),
     "a box elsewhere": (
-        "near", f"update semap.pair_member set box = st_translate(box, 99, 0, 0) where {one_of('near')}", {"pair members"}),
-    "a member of another name": ("facing", f"update semap.pair_member set name = 'x' where {one_of('facing')}",
-                                 {"pair members"}),
-    "an old stamp": ("near", f"update semap.pair_member set stamp = '-infinity' where {one_of('near')}", {"pair members"}),
-    "a member that ended": (
-        "near", "insert into semap.pair_member (query_id, is_object, map_id, query_name, track_id, uid, name)"
-        " select q.query_id, true, q.map_id, 'pairs', t.track_id, t.uid, 'f' from semap.continuous_query q join semap.track t"
-        f" using (map_id) where t.name = 'f' and q.in_pairs and q.{OF_MAP.format('near')}", {"pair members"}),
+        "contains",
+        f"update semap.pair_instance set box = st_translate(box, 99, 0, 0) where {one_of('contains', INSTANCE)}",
+        {"pair members"}),
+    "an instance of another name": (
+        "contains", f"update semap.pair_instance set name = 'x' where {one_of('contains', INSTANCE)}", {"pair members"}),
+    "an old stamp": (
+        "near", f"update semap.followed_state set stamp = '-infinity' where {one_of('near')}", {"pair members"}),
+    "a track that ended": (
+        "near", "insert into semap.followed_state (track_id, map_id, cell_x, cell_y, stamp, x_m, y_m)"
+        " select t.track_id, t.map_id, 0, 0, now(), 0, 0 from semap.track t"
+        f" where t.name = 'f' and t.{OF_MAP.format('near')}", {"pair members"}),
     "a track that is elsewhere": (
         "near", "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from"
         f" semap.pair where held and {OF_MAP.format('near')})",
@@ -218,7 +229,8 @@ def test_what_is_broken_is_named_and_mended(broken: World, name: str) -> None:
 
 
 def test_what_goes_on_after_a_repair_is_right(broken: World) -> None:
-    broken.run("delete from semap.pair_member")
+    broken.run("delete from semap.pair_instance")
+    broken.run("delete from semap.followed_state")
     broken.run("delete from semap.pair")
     assert set(differing(broken.dsn)) == set(QUESTIONS)
     assert differing(broken.dsn, repair=True) == {}

@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 from semap.errors import InvalidInput, NotFound
 from semap.formats import read_building, read_map
 from semap.formats.geojson_system import Crs
+from semap.formats.uncollected import uncollected
 from semap.model.building import Building
 from semap.model.map_document import MapDocument
 from semap.rules.language.reading import parse_declaration
@@ -72,7 +73,8 @@ def bring_in(
         return ImportReport(document.name, dict(sorted(concepts.items())), dict(sorted(doors.items())), notes)
     if wanted not in {known.name for known in list_maps(connection)}:
         create_map(connection, wanted, cell_m)
-    return import_building(connection, wanted, found, progress)
+    with uncollected():
+        return import_building(connection, wanted, found, progress)
 
 
 def _require_rules(document: MapDocument) -> None:

@@ -58,7 +58,7 @@ COMPARISONS = tuple(
         ("held", "present states and debounce states against relations", COUNT.format("track_now"),
          "held_differences"),
         ("pair members", "sides of pairs against the queries, the map and presents",
-         COUNT.format("pair_member"), "pair_member_differences"),
+         COUNT.format("pair_instance"), "pair_member_differences"),
         ("pairs", "pairs against where their two sides are", COUNT.format("pair"), "pair_differences"),
         ("pair history", "the log of two tracks against where both were", PAIR_CHANGES.format("<> 'crossed'"),
          "pair_history_differences"),
