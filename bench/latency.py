@@ -1,7 +1,7 @@
 """Time from COPY to the event at a WebSocket client, with every process of semap in between.
 
-A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: one row of
-`track_state_frame`, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
+A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: a track
+batch, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
 30,000 ten of 200, each with a connection of its own and its frames a little after those of the one before.
 Frames are whole, so that each says how far its source is; an event waits for the next frames of the others.
 
