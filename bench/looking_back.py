@@ -6,7 +6,6 @@ leave is written as it would lie there, past the triggers, which have benchmarks
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
@@ -14,7 +13,7 @@ import numpy as np
 from sqlalchemy import Connection, text
 
 from bench import operators
-from bench.figure import once, percentiles, timed_ms
+from bench.figure import percentiles, timed_ms
 from semap.store import moment, track_history
 from semap.store.database import connect, open_engine
 from semap.store.features.collection import get_collection
@@ -41,7 +40,8 @@ LEAVE = (
     from semap.source s cross join generate_series(1, %(tracks)s::int) n
     """,
     """
-    insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m, heading_rad, speed_mps)
+    insert into semap.state_chunk (
+      source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m, heading_rad, speed_mps)
     select t.source_id, a.stamp, a.stamp, count(*), array_agg(t.track_id),
            array_agg(mod(tick / 600 + t.track_id, %(rooms)s) * 5 + mod(tick, 50) / 10.0),
            array_agg(mod(t.track_id, 5)), array_agg(0::real), array_agg(1::real)

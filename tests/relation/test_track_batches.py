@@ -323,3 +323,20 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
     verification = verify(world.dsn, lambda said: None)
     with verification.connection:
         assert not [each for each in verification.look(world.name) if each.differ]
+
+
+def test_what_rows_leave_behind_is_thrown_away(world: World, tracks: list[int]) -> None:
+    """Where there is much of it; nobody reads it meanwhile."""
+    world.run(
+        "insert into semap.track_state_inbox (track_id, stamp, x_m, y_m)"
+        " select n, '1970-01-01Z', 0, 0 from generate_series(1, 1000000) n"
+    )
+    size = "select pg_relation_size('semap.track_state_inbox')"
+    assert world.one(size) > 64 << 20
+    with connect(world.dsn) as other, other.transaction():
+        other.execute("lock table semap.track_state_inbox in row exclusive mode")
+        world.add_states([(tracks[0], SECOND_US, 1.0, 1.0, None)])
+        assert world.one(size) > 64 << 20
+    world.add_states([(tracks[0], 2 * SECOND_US, 1.0, 1.0, None)])
+    assert world.one(size) < 1 << 20
+    assert stored(world) == 8
