@@ -25,18 +25,21 @@ language sql stable parallel safe as $$
     and c.cell_x = floor(p_x_m / p_cell_m)::integer and c.cell_y = floor(p_y_m / p_cell_m)::integer
 $$;
 
--- An open rectangle around a point that no edge of a region reaches into, so that a state within it needs no look at the
--- map. It starts as the point's cell; each edge cuts it on the axis on which the edge is further away. A point on an
--- edge, or within an edge's box, has none (x_min infinite). Edges of regions that ask for a probability keep a distance
--- of some standard deviations, so that the rectangle is for states that are not much less exact than this one: std_m.
+-- An open rectangle around a point that no edge of a region reaches into, so that a state within it needs no look at
+-- the map. It starts as the point's cell; each edge cuts it on the axis on which the edge is further away. A point on
+-- an edge, or within an edge's box, has none (x_min infinite). Edges of regions that ask for a probability keep a
+-- distance of some standard deviations, so that the rectangle is for states that are not much less exact than this one:
+-- std_m.
 create or replace function semap.calm_rectangle(
   p_map_id integer, p_cell_m double precision, p_x_m double precision, p_y_m double precision, p_std_m real
 ) returns table (
   x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision, std_m real
 )
 language sql stable parallel safe as $$
-  select greatest(floor(p_x_m / p_cell_m) * p_cell_m, max(x_min_m)), least((floor(p_x_m / p_cell_m) + 1) * p_cell_m, min(x_max_m)),
-         greatest(floor(p_y_m / p_cell_m) * p_cell_m, max(y_min_m)), least((floor(p_y_m / p_cell_m) + 1) * p_cell_m, min(y_max_m)),
+  select greatest(floor(p_x_m / p_cell_m) * p_cell_m, max(x_min_m)),
+         least((floor(p_x_m / p_cell_m) + 1) * p_cell_m, min(x_max_m)),
+         greatest(floor(p_y_m / p_cell_m) * p_cell_m, max(y_min_m)),
+         least((floor(p_y_m / p_cell_m) + 1) * p_cell_m, min(y_max_m)),
          case when max(stds) > 0 then coalesce(p_std_m, 0) * 1.25 + 0.01 else 'infinity' end::real
   from (
     select stds,
@@ -49,7 +52,8 @@ language sql stable parallel safe as $$
       select e.*, wide_m, greatest(e.x_min_m - p_x_m, p_x_m - e.x_max_m, 0) - wide_m as dx_m,
              greatest(e.y_min_m - p_y_m, p_y_m - e.y_max_m, 0) - wide_m as dy_m
       from semap.region_edge e,
-           lateral (select case when e.stds = 0 then 0 else e.stds * (coalesce(p_std_m, 0) * 1.25 + 0.01) end as wide_m) w
+           lateral (select case when e.stds = 0 then 0 else e.stds * (coalesce(p_std_m, 0) * 1.25 + 0.01) end
+                    as wide_m) w
       where e.map_id = p_map_id
         and e.cell_x = floor(p_x_m / p_cell_m)::integer and e.cell_y = floor(p_y_m / p_cell_m)::integer
       offset 0) e -- the distances are computed once and not wherever they are asked

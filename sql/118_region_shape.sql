@@ -3,8 +3,10 @@ create or replace function semap.predicate_band(
   p_predicate text, p_dimensions smallint, p_distance_m double precision,
   p_z_min_m double precision, p_z_max_m double precision, out z_min_m double precision, out z_max_m double precision
 ) language sql immutable parallel safe as $$
-  select case when p_predicate = 'on' then p_z_max_m - 0.1 when p_dimensions = 3 then p_z_min_m - coalesce(p_distance_m, 0) end,
-         case when p_predicate = 'on' then p_z_max_m + 0.5 when p_dimensions = 3 then p_z_max_m + coalesce(p_distance_m, 0) end
+  select case when p_predicate = 'on' then p_z_max_m - 0.1 when p_dimensions = 3
+    then p_z_min_m - coalesce(p_distance_m, 0) end,
+         case when p_predicate = 'on' then p_z_max_m + 0.5 when p_dimensions = 3
+           then p_z_max_m + coalesce(p_distance_m, 0) end
 $$;
 
 -- A shape grown (or, by a negative distance, shrunk), round at its corners to half a millimetre.
@@ -15,8 +17,8 @@ language sql immutable parallel safe as $$
       'quad_segs=' || greatest(8, ceil(pi() / 4 / acos(1 - 0.0005 / greatest(abs(p_by_m), 0.001)))::integer)) end
 $$;
 
--- The area to the front (x), back, left (y) or right of a shape as its own frame has it, at a yaw [rad]: the side of its
--- box in that frame, swept outwards by a reach [m].
+-- The area to the front (x), back, left (y) or right of a shape as its own frame has it, at a yaw [rad]: the side of
+-- its box in that frame, swept outwards by a reach [m].
 create or replace function semap.area_beside(
   p_shape public.geometry, p_yaw_rad double precision, p_predicate text, p_reach_m double precision
 ) returns public.geometry
@@ -27,7 +29,8 @@ language sql immutable parallel safe as $$
       when 'behind' then public.st_makeenvelope(x_min - p_reach_m, y_min, x_min, y_max)
       when 'left_of' then public.st_makeenvelope(x_min, y_max, x_max, y_max + p_reach_m)
       else public.st_makeenvelope(x_min, y_min - p_reach_m, x_max, y_min) end, p_yaw_rad)
-  from (select public.st_xmin(s) as x_min, public.st_xmax(s) as x_max, public.st_ymin(s) as y_min, public.st_ymax(s) as y_max
+  from (select public.st_xmin(s) as x_min, public.st_xmax(s) as x_max, public.st_ymin(s) as y_min,
+        public.st_ymax(s) as y_max
         from public.st_rotate(p_shape, -p_yaw_rad) s) e
 $$;
 
@@ -73,7 +76,8 @@ create or replace view semap.region_wanted as
   join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = q.abstraction
   cross join lateral semap.predicate_band(q.predicate, q.dimensions, q.by_m, a.z_min_m, a.z_max_m) b
   cross join lateral (select case when q.predicate in ('contains', 'covers', 'within_distance', 'on') then a.geometry
-                                  else semap.predicate_shape(q.predicate, a.geometry, i.frame_id, q.distance_m) end) s (shape)
+                                  else semap.predicate_shape(q.predicate, a.geometry, i.frame_id,
+                                                             q.distance_m) end) s (shape)
   cross join lateral (select semap.grown(s.shape, coalesce(q.by_m, 0))) f (footprint)
   left join semap.condition oc on oc.condition_id = q.object_condition_id
   where q.enabled and not q.in_pairs

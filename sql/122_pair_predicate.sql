@@ -1,4 +1,4 @@
--- What each predicate says of a subject and an object (both as pair_member has them).
+-- What each predicate says of a subject and an object (see semap.observed_pairs).
 
 -- Whether the heights of two things let a predicate hold. A track has one height; one that is not known is any. The
 -- grounds of two tracks meet if their heights are no more than a metre apart, so that noise does not part them.

@@ -21,7 +21,8 @@ create or replace function semap.tracks_in_reach(
 ) returns table (query_id integer, subject_key bigint, object_key bigint)
 language plpgsql stable as $$
 declare
-  v_cell_m  double precision;
+  v_cell_m       double precision;
+  v_have_others  constant boolean := coalesce(cardinality(p_others), 0) > 0;
 begin
   if p_reach_m = 'infinity' then
     return query
@@ -46,7 +47,8 @@ begin
     from celled a
     cross join unnest(array[-1, 0, 1]) dx cross join unnest(array[-1, 0, 1]) dy
     join celled o on o.cell_x = a.cell_x + dx and o.cell_y = a.cell_y + dy
-    where a.is_moved and o.is_object <> a.is_object and o.key <> a.key and not (a.is_object and o.is_moved)
+    where a.is_moved and (not a.is_object or v_have_others) and o.is_object <> a.is_object and o.key <> a.key
+      and not (a.is_object and o.is_moved)
       and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m
         and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
       and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);

@@ -38,11 +38,12 @@ begin
   update semap.source
   set newest_stamp = p_stamp, newest_is_whole = p_is_whole
   where source_id = p_source_id and watermark is null
-    and (newest_stamp is null or newest_stamp < p_stamp or newest_stamp = p_stamp and p_is_whole and not newest_is_whole);
+    and (newest_stamp is null or newest_stamp < p_stamp or newest_stamp = p_stamp and p_is_whole
+         and not newest_is_whole);
 end $$;
 
--- Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole. What follows from it
--- shares the regions (sql/147), which come before rows: while somebody edits, nothing is done.
+-- Take the newest stamps of sources that say no watermark, and have been silent for so long, for whole. What follows
+-- from it shares the regions (sql/147), which come before rows: while somebody edits, nothing is done.
 create or replace function semap.complete_silent_sources(p_silent interval default '1 s') returns void
 language sql security definer set search_path = public, pg_temp as $$
   update semap.source s set newest_is_whole = true

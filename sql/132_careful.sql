@@ -1,12 +1,12 @@
 -- Regions that have to be followed carefully: other predicates than `contains`, boundaries with a margin or a time to
 -- confirm, probabilities, ways between samples, or subjects that are chosen.
 --
--- For each track near the boundary of such a region a *verge* keeps the state of the relation (sql/112), while its signals
--- differ: `side` is raw, `inside` pending, `held` confirmed.
+-- For each track near the boundary of such a region a *verge* keeps the state of the relation (sql/112), while its
+-- signals differ: `side` is raw, `inside` pending, `held` confirmed.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
--- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of nothing:
--- neither. A plain region has no shape but its footprint.
+-- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of
+-- nothing: neither. A plain region has no shape but its footprint.
 create or replace function semap.stands(
   p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real,
   p_std_across_m real default null, p_std_yaw_rad real default null
@@ -33,15 +33,16 @@ language sql immutable parallel safe as $$
            (p_region.enter_stds is not null and p_std_m > p_region.widest_std_m) is true as is_vague offset 0) d
 $$;
 
--- Where a straight way from one place to another meets the boundaries of a region: parts of the way in [0, 1), ascending,
--- from each of which on to the next it stays on one side of all of them. Nothing where it meets none.
+-- Where a straight way from one place to another meets the boundaries of a region: parts of the way in [0, 1),
+-- ascending, from each of which on to the next it stays on one side of all of them. Nothing where it meets none.
 create or replace function semap.parts_of_way(
   p_region semap.region, p_x1_m double precision, p_y1_m double precision, p_z1_m double precision,
   p_x2_m double precision, p_y2_m double precision, p_z2_m double precision
 ) returns double precision[]
 language plpgsql immutable parallel safe as $$ -- which keeps its plan
 declare
-  v_way    constant public.geometry := public.st_makeline(public.st_point(p_x1_m, p_y1_m), public.st_point(p_x2_m, p_y2_m));
+  v_way    constant public.geometry := public.st_makeline(public.st_point(p_x1_m, p_y1_m),
+                                                          public.st_point(p_x2_m, p_y2_m));
   v_shape  public.geometry;
   v_parts  double precision[];
 begin
@@ -65,14 +66,15 @@ begin
   return array(select distinct part from unnest(0.0::double precision || v_parts) part where part < 1 order by part);
 end $$;
 
--- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into the
--- box of, is in, or is on the verge of.
+-- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into
+-- the box of, is in, or is on the verge of.
 create or replace function semap.verges_of(p_arrivals semap.arrival[]) returns semap.verge[]
 language plpgsql stable as $$ -- which keeps its plan
 begin
   return (
     with arrival as (
-      select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
+      select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m,
+             lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
       from unnest(p_arrivals) a
       window one_track as (partition by a.track_id order by a.stamp)
     ), track as (
@@ -91,7 +93,8 @@ begin
       select v.track_id, v.map_id, v.region_id from track t join semap.verge v using (track_id)
     )
     select array_agg(case when v.track_id is not null then v
-                          else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null, null)::semap.verge
+                          else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null,
+                                   null)::semap.verge
                      end)
     from concerned c
     join track t using (track_id)
@@ -106,13 +109,15 @@ create or replace function semap.steps(p_arrivals semap.arrival[], p_verges sema
 returns table (
   track_id bigint, region_id integer, verge semap.verge, enter_confirm interval, leave_confirm interval,
   known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
-  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean, is_last boolean,
+  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean,
+  is_last boolean,
   seen semap.observation
 )
 language sql stable as $$
   with arrival as (
     select a.*, lag(a.stamp, 1, a.seen_stamp) over one_track as before_stamp,
-           lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m, lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m,
+           lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m,
+           lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m,
            lag(a.z_m, 1, a.from_z_m) over one_track as before_z_m,
            lag(a.is_last, 1, not a.live) over one_track as appears
     from unnest(p_arrivals) a
@@ -141,13 +146,15 @@ language sql stable as $$
     select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
   cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m, a.std_across_m, a.std_yaw_rad) s
   where r.subject is null
-     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id and not q.is_object)
+     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id
+                and not q.is_object)
 $$;
 
 -- The state of the relation that is kept as a verge, and the verge that keeps a state.
 create or replace function semap.state_of_verge(p_verge semap.verge) returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at, p_verge.side,
+  select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at,
+             p_verge.side,
              p_verge.side_at, p_verge.x_m, p_verge.y_m, null, null)::semap.relation_state
 $$;
 
@@ -161,7 +168,8 @@ $$;
 -- the same direction; else those at which the debounced state changed.
 create or replace function semap.transition(p_state semap.relation_state, p_known_at timestamptz) returns semap.crossing
 language sql immutable parallel safe as $$
-  select row(p_state.subject_key, p_state.object_key, case when p_state.confirmed then 'began' else 'ended' end, 'moved',
+  select row(p_state.subject_key, p_state.object_key, case when p_state.confirmed then 'began' else 'ended' end,
+             'moved',
              p_known_at, semap.transition_time(p_state), p_state.x_m, p_state.y_m)::semap.crossing
 $$;
 
@@ -193,12 +201,13 @@ begin
   where t.track_id = k.track_id;
 end $$;
 
--- Follow tracks through these states beside these regions: what of them is to be kept then, and what began and ended. It
--- writes nothing.
+-- Follow tracks through these states beside these regions: what of them is to be kept then, and what began and ended.
+-- It writes nothing.
 -- Where states came late, from p_late_from on, it also says between which stamps what it found may differ from what was
--- found without them: after the last state before them at which a relation is a matter of the states from p_known_from on
--- alone, and up to the first one at which it is a matter of those from p_free_from on alone. That is so where a track appears
--- or ends, and where it was evidently inside, or evidently outside, for as long as it takes to confirm that.
+-- found without them: after the last state before them at which a relation is a matter of the states from p_known_from
+-- on alone, and up to the first one at which it is a matter of those from p_free_from on alone. That is so where a
+-- track appears or ends, and where it was evidently inside, or evidently outside, for as long as it takes to confirm
+-- that.
 create or replace function semap.follow_steps(
   p_arrivals semap.arrival[], p_verges semap.verge[], p_late_from timestamptz default null,
   p_known_from timestamptz default null, p_free_from timestamptz default null,
@@ -287,7 +296,8 @@ begin
               or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
                                                when not v_decided then v_step.leave_confirm end)) then
         if v_step.known_at < p_late_from then
-          v_span.from_stamp := case when v_step.known_at >= p_known_from then v_step.known_at else v_span.from_stamp end;
+          v_span.from_stamp := case when v_step.known_at >= p_known_from then v_step.known_at
+                                    else v_span.from_stamp end;
         elsif v_is_free and v_span.to_stamp is null then
           v_span.to_stamp := v_step.known_at;
         end if;

@@ -1,11 +1,11 @@
--- Late states, which come when their track has gone on already, correct what is known of it: which relations held when is
--- what it would be had all states come in the order of their stamps. What was written and does not stand is taken back by a
--- change that says so, and what was not written is added, both in the transaction that brings the states.
+-- Late states, which come when their track has gone on already, correct what is known of it: which relations held when
+-- is what it would be had all states come in the order of their stamps. What was written and does not stand is taken
+-- back by a change that says so, and what was not written is added, both in the transaction that brings the states.
 --
--- Only what a late state can have changed is found anew: from the last moment before it at which the memory of the track
--- beside a region was a matter of nothing before (semap.follow_steps), up to the first such moment after it. For a plain
--- region that is the state before it and the one after it. States that are looked through on either side are 10,000 at most:
--- further away, what is in the log counts.
+-- Only what a late state can have changed is found anew: from the last moment before it at which the memory of the
+-- track beside a region was a matter of nothing before (semap.follow_steps), up to the first such moment after it. For
+-- a plain region that is the state before it and the one after it. States that are looked through on either side are
+-- 10,000 at most: further away, what is in the log counts.
 -- A region counts from when it got its present form on, and tracks that were not there then from their beginning on.
 -- Where a track is now, and what of it was set aside as an outlier since, no late state changes.
 
@@ -15,16 +15,19 @@ language sql as $$
   delete from semap.relation_past where relation_past_id in (
     select n.relation_past_id from semap.relation_change c cross join lateral (
       select p.relation_past_id from semap.relation_past p
-      where (p.track_id = c.track_id or p.subject_instance_id = c.subject_instance_id and p.object_track_id = c.object_track_id)
+      where (p.track_id = c.track_id or p.subject_instance_id = c.subject_instance_id
+             and p.object_track_id = c.object_track_id)
         and p.query_id = c.query_id and p.instance_id is not distinct from c.instance_id
-        and p.object_track_id is not distinct from c.object_track_id and tstzrange(p.since, p.until, '[]') @> c.edge_at and p.since = c.since and p.until = c.edge_at limit 1) n
+        and p.object_track_id is not distinct from c.object_track_id and tstzrange(p.since, p.until, '[]') @> c.edge_at
+          and p.since = c.since and p.until = c.edge_at limit 1) n
     where c.uid = any (p_uids) and c.kind = 'ended');
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
     direction, edge, door_id, door_name, amendment, retracts)
   select md5(uid || '|retracted')::uuid, map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-         subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at,
+         subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp,
+         edge_at,
          since, x_m, y_m, direction, edge, door_id, door_name, 'retracted', uid
   from semap.relation_change where uid = any (p_uids) order by stamp, edge_at, change_id
 $$;
@@ -51,7 +54,8 @@ begin
   if p_changes = '{}' then
     return;
   end if;
-  select array_agg(semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.cause::text, c.edge_at) order by c.place)
+  select array_agg(semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.cause::text, c.edge_at)
+                   order by c.place)
   into v_uids
   from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, edge_at, since, x_m, y_m, place)
   join semap.region r using (region_id)
@@ -69,13 +73,16 @@ begin
   ), past as (
     insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
                                      since, until)
-    select (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, since, edge_at
+    select (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, since,
+           edge_at
     from told where kind = 'ended' order by edge_at, place
   )
   insert into semap.relation_change (
-    uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since,
+    uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at,
+    since,
     x_m, y_m, edge, door_id, door_name, amendment)
-  select uid, (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, kind, cause,
+  select uid, (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, kind,
+         cause,
          stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'added'
   from told order by stamp, edge_at, cause = 'disappeared', kind desc, instance_uid, place;
 end $$;
@@ -98,10 +105,10 @@ begin
   where t.track_id = (p_now).track_id;
 end $$;
 
--- Write in what the log of a track differs from these crossings, in these spans of its relations: changes that are taken
--- back, and changes that are added. What a region was said to be in a span, and what it is said to be now, have to agree on
--- where the track was before, and, but for spans that last up to its present, on where it is after; else nothing of that
--- region is written. A change that stands again after it was taken back gets its identity back.
+-- Write in what the log of a track differs from these crossings, in these spans of its relations: changes that are
+-- taken back, and changes that are added. What a region was said to be in a span, and what it is said to be now, have
+-- to agree on where the track was before, and, but for spans that last up to its present, on where it is after; else
+-- nothing of that region is written. A change that stands again after it was taken back gets its identity back.
 create or replace function semap.write_amendments(
   p_now semap.track_now, p_crossings semap.crossing[], p_spans semap.replayed[], p_present_ids integer[]
 ) returns void
@@ -157,7 +164,8 @@ begin
     order by f.place
   ), tail as (
     -- it holds since another moment: so says its end, too, which came later
-    select t.uid, row(s.region_id, t.kind, t.cause, t.stamp, t.edge_at, s.now_since, t.x_m, t.y_m)::semap.amended as change
+    select t.uid, row(s.region_id, t.kind, t.cause, t.stamp, t.edge_at, s.now_since, t.x_m, t.y_m)::semap.amended
+      as change
     from sound s
     cross join lateral (
       select * from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, s.to_stamp, 'infinity') c
@@ -168,7 +176,8 @@ begin
   )
   select array(select uid from gone union all select uid from tail),
          array(select change from new) || array(select change from tail),
-         array(select row(region_id, case when is_held then 'began' else 'ended' end, 'moved', to_stamp, to_stamp, now_since,
+         array(select row(region_id, case when is_held then 'began' else 'ended' end, 'moved', to_stamp, to_stamp,
+                          now_since,
                           null, null)::semap.amended
                from sound where is_present or after_until is null and now_since <> after_since)
   into v_gone, v_new, v_held;
@@ -184,7 +193,8 @@ begin
 end $$;
 
 -- Correct what is known of a track after states of it that came late, at these stamps, ascending.
-create or replace function semap.amend_track(p_source semap.source, p_now semap.track_now, p_late timestamptz[]) returns void
+create or replace function semap.amend_track(p_source semap.source, p_now semap.track_now, p_late timestamptz[])
+returns void
 language plpgsql as $$
 declare
   c_most_states  constant integer := 10000;
@@ -209,7 +219,8 @@ begin
     v_from := 16;
     v_not_yet := v_late[c_most_late + 1:];
     loop
-      v_states := array(select s from semap.states_around((p_now).track_id, v_late[1], v_before, v_from, (p_now).stamp) s);
+      v_states := array(select s from semap.states_around((p_now).track_id, v_late[1], v_before, v_from,
+                                                          (p_now).stamp) s);
       select min(stamp), max(stamp), count(*) filter (where stamp >= v_late[1]) < v_from
       into v_first, v_last, v_is_present from unnest(v_states);
       v_is_first := v_first <= (p_now).first_stamp;
@@ -223,7 +234,8 @@ begin
       select max(late) into v_late_to from unnest(v_late[:c_most_late]) late where late <= v_last;
       select * into v_again from semap.arrivals_again(
         p_source, v_states, p_now, v_is_first,
-        array(select distinct stamp from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, v_first, v_last)
+        array(select distinct stamp from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, v_first,
+                                                                         v_last)
               where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
               union select (p_now).stamp where v_is_present and not (p_now).live),
         v_late_to);
@@ -237,7 +249,8 @@ begin
       exit when not (v_is_unknown and v_before < c_most_states or v_is_unsettled and v_from < c_most_states);
       v_before := v_before * case when v_is_unknown then 4 else 1 end;
       v_from := v_from * case when not v_is_unsettled then 1
-        when (select count(*) from unnest(v_late[:c_most_late]) late where late <= v_last) * 4 >= v_from then 16 else 4 end;
+        when (select count(*) from unnest(v_late[:c_most_late]) late where late <= v_last) * 4 >= v_from
+          then 16 else 4 end;
     end loop;
 
     perform semap.write_amendments(
@@ -248,7 +261,8 @@ begin
       array(select region_id from unnest(v_found.spans) where to_stamp is null and v_is_present));
     if v_is_present then
       perform semap.keep_present(p_now, array(
-        select v from unnest(v_found.verges) v join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
+        select v from unnest(v_found.verges) v join unnest(v_found.spans) s using (region_id)
+          where s.to_stamp is null));
     end if;
     v_late := array(select late from unnest(v_late) late where late > v_late_to order by late);
   end loop;

@@ -55,13 +55,15 @@ begin
     from semap.instance where map_id = v_source.map_id and instance_id = new.instance_id;
   end if;
   if not found then
-    raise exception 'There is no instance % on the map %.', coalesce(new.instance_id::text, new.instance_name), v_source.map_name
+    raise exception 'There is no instance % on the map %.', coalesce(new.instance_id::text, new.instance_name),
+      v_source.map_name
       using errcode = 'no_data_found', hint = 'List the instances of the map to see their names.';
   end if;
   new.map_id := v_source.map_id;
   new.instance_id := v_instance.instance_id;
   new.instance_name := v_instance.name;
-  new.uid := semap.object_state_uid(v_source.map_uid, v_source.name, v_instance.uid, new.property, new.value, new.stamp);
+  new.uid := semap.object_state_uid(v_source.map_uid, v_source.name, v_instance.uid, new.property, new.value,
+                                    new.stamp);
   select b.value, b.since into new.previous, new.since
   from semap.object_state_before(new.instance_id, new.property, new.stamp, new.value) b;
   return new;
@@ -70,7 +72,8 @@ end $$;
 create or replace trigger object_state_arrives before insert on semap.object_state
   for each row execute function semap.object_state_arrives();
 
--- Refuse a statement with states of several sources, since two of them could wait for one another, and count the others.
+-- Refuse a statement with states of several sources, since two of them could wait for one another, and count the
+-- others.
 create or replace function semap.object_states_arrived() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare

@@ -8,8 +8,8 @@ language sql stable as $$
     and not exists (select from semap.relation_change x where x.retracts = c.uid)
 $$;
 
--- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what begins
--- and what ends again. p_turn: the how many-th of its kind it is.
+-- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what
+-- begins and what ends again. p_turn: the how many-th of its kind it is.
 create or replace function semap.place_in_moment(p_change semap.relation_change, p_turn bigint) returns bigint
 language sql immutable parallel safe as $$
   select case when (p_change).kind = 'began' then 2 * p_turn - 1
@@ -24,15 +24,18 @@ create or replace function semap.folded_changes(p_map_id integer) returns table 
 language sql stable as $$
   with ordered as (
     select c, case when bool_or(c.amendment is not null) over one_pair then c.edge_at end as moment,
-           row_number() over (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id,
+           row_number() over (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id,
+                              c.object_track_id,
                                            c.edge_at, c.kind, c.since < c.edge_at order by c.change_id) as turn
     from semap.standing_changes(p_map_id) c
     window one_pair as (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id)
   )
   select c, lag((c).kind) over one_pair, lag((c).edge_at) over one_pair, lead((c).kind) over one_pair is null
   from ordered
-  window one_pair as (partition by (c).query_id, (c).track_id, (c).subject_instance_id, (c).instance_id, (c).object_track_id
-                      order by moment, case when moment is not null then semap.place_in_moment(c, turn) end, (c).change_id)
+  window one_pair as (partition by (c).query_id, (c).track_id, (c).subject_instance_id, (c).instance_id,
+                      (c).object_track_id
+                      order by moment, case when moment is not null then semap.place_in_moment(c, turn) end,
+                               (c).change_id)
 $$;
 
 -- What holds now by what is stored: relations with regions, and pairs.
@@ -82,7 +85,8 @@ language sql stable as $$
     select (change).* from folded where is_newest and (change).kind = 'began'
   )
   select (change).change_id, semap.pair_in_words(change), format('%s at %s', (change).kind, (change).edge_at),
-         case when before_kind is null then 'that it began, before' else format('not after it %s at %s', before_kind, before_edge_at) end
+         case when before_kind is null then 'that it began, before'
+              else format('not after it %s at %s', before_kind, before_edge_at) end
   from folded, kept
   where before_kind = (change).kind or before_kind is null and (change).kind = 'ended' and (change).since >= kept.since
   union all
@@ -92,10 +96,12 @@ language sql stable as $$
   union all
   select o.change_id,
          case when o.change_id is null
-              then semap.relation_in_words(h.query_id, h.track_id, h.subject_instance_id, h.instance_id, h.object_track_id)
+              then semap.relation_in_words(h.query_id, h.track_id, h.subject_instance_id, h.instance_id,
+                                           h.object_track_id)
               else semap.pair_in_words(o) end,
          case when h.query_id is null then 'no relation' else 'a relation since ' || h.since end,
-         case when o.change_id is null then 'no relation, by the log' else 'a relation since ' || o.edge_at || ', by the log' end
+         case when o.change_id is null then 'no relation, by the log'
+              else 'a relation since ' || o.edge_at || ', by the log' end
   from open o
   full join semap.held_relations(p_map_id) h
     on h.query_id = o.query_id

@@ -37,7 +37,9 @@ def seen() -> st.SearchStrategy[list[Seen]]:
     return st.lists(each, min_size=1, max_size=12).map(in_order)
 
 
-def expected(observations: list[Seen], enter_s: int, leave_s: int) -> list[tuple[bool, bool, bool, int | None]]:
+def expected(
+    observations: list[Seen], enter_s: int, leave_s: int
+) -> list[tuple[bool, bool, bool, int | None]]:
     """Raw, pending, confirmed and since after each observation."""
     raw = pending = confirmed = False
     raw_at = pending_at = since = None
@@ -51,7 +53,7 @@ def expected(observations: list[Seen], enter_s: int, leave_s: int) -> list[tuple
         else:
             if each.depth is not None and inside != raw:
                 raw, raw_at = inside, each.at_s
-            if each.depth == 3 and not pending or each.depth == 0 and pending:
+            if (each.depth == 3 and not pending) or (each.depth == 0 and pending):
                 pending, pending_at = each.depth == 3, each.at_s
             if pending != confirmed and each.at_s - pending_at >= (enter_s if pending else leave_s):
                 confirmed = pending

@@ -100,9 +100,7 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
 
 
 OF_MAP = "map_id = (select map_id from semap.map where name = '{}')"
-INSTANCE = (
-    "(instance_id, query_id, is_object) = (select instance_id, query_id, is_object from semap.pair_instance where {} limit 1)"
-)
+INSTANCE = "(instance_id, query_id, is_object) = (select instance_id, query_id, is_object from semap.pair_instance where {} limit 1)"
 TRACK = "track_id = (select min(track_id) from semap.followed_state where {})"
 ONE_PAIR = "pair_id = (select min(pair_id) from semap.pair where held and {})"
 

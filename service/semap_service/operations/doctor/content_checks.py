@@ -35,7 +35,8 @@ SHAPELESS = """
       and not exists (select from semap.region r
                       where (r.query_id, r.instance_id) = (s.query_id, i.instance_id))
       and not exists (select from semap.pair_instance p
-                      where (p.instance_id, p.query_id, p.is_object) = (i.instance_id, s.query_id, s.is_object))
+                      where (p.instance_id, p.query_id) = (i.instance_id, s.query_id)
+                        and p.is_object = s.is_object)
     group by s.query_id, s.query_name, s.is_object order by 1 limit 5
 """
 """Who takes part in a query, by its pairs or by its regions, is compared with whom it asks for."""
