@@ -183,12 +183,12 @@ begin
     if v_is_stale then
       perform semap.flush_positions(array[p_source_id]);
     end if;
-    if v_in_pairs then
-      select array_agg(semap.arrival_of(n, t)) into v_late_pairs
-      from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
-      join semap.track_now t using (track_id)
-      where p.map_id = v_source.map_id;
-    end if;
+  end if;
+  if v_in_pairs then
+    select array_agg(semap.arrival_of(n, t)) into v_late_pairs
+    from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
+    join semap.track_now t using (track_id)
+    where p.map_id = v_source.map_id;
   end if;
   perform semap.store_states(v_source, p_chunks, v_found, v_is_stale);
   perform semap.count_states(p_source_id, p_chunks, v_found.states, v_last, v_is_at_once);
