@@ -319,7 +319,7 @@ create or replace function semap.follow_moment(
   p_gone_ids integer[], p_appeared bigint[], p_at timestamptz, p_cause semap.change_cause,
   inout pairs semap.relation_state[], out changes semap.pair_change[]
 )
-language plpgsql stable as $$
+language plpgsql stable set enable_mergejoin = off as $$ -- by query alone, which compares all pairs with all
 begin
   with followed as materialized (
     select o.*, (before).query_id, (before).subject_key, (before).object_key,

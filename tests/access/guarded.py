@@ -13,7 +13,7 @@ import psycopg
 import shapely
 import uvicorn
 from fastapi import FastAPI
-from patience import until
+from patience import PATIENCE_S, until
 from semap_service.access.limits import LIMITS, Limits
 from semap_service.serving.app import create_app
 from semap_service.serving.uvicorn_server import OPTIONS
@@ -46,7 +46,7 @@ class Guarded:
         """Asks with the token of a kind, or with another one."""
         if token is not None:
             headers["Authorization"] = f"Bearer {self.tokens.get(token, token)}"
-        return httpx.Client(base_url=self.url, headers=headers, timeout=20)
+        return httpx.Client(base_url=self.url, headers=headers, timeout=PATIENCE_S)
 
     def add_token(self, name: str, *scopes: str, maps: list[str] | None = None) -> str:
         with one_transaction(self.dsn, "semap_admin") as connection:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 from guarded import Guarded, guarded, until
+from patience import PATIENCE_S
 from semap_service.http.connection import HttpConnection
 from semap_service.http.request_head import HEAD_BYTES
 
@@ -26,7 +27,7 @@ def service(database: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Guarded]
 
 
 def opened(service: Guarded, sent: str = "") -> socket.socket:
-    made = socket.create_connection(("127.0.0.1", service.port), timeout=15)
+    made = socket.create_connection(("127.0.0.1", service.port), timeout=PATIENCE_S)
     made.sendall(sent.encode())
     return made
 

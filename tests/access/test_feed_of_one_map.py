@@ -4,8 +4,8 @@ import json
 import re
 
 import pytest
-from patience import until
-from websockets.sync.client import connect
+from patience import PATIENCE_S, until
+from web_socket import connect
 
 from semap.store.database import connect as connect_database
 
@@ -54,7 +54,7 @@ def test_every_feed_keeps_to_the_maps_of_its_token(building, past: bool) -> None
         assert maps_in(polled) == {"annex"}
         heard, seen = "", ""
         while f'"seq":{own},' not in heard:
-            heard += socket.recv(timeout=10)
+            heard += socket.recv(timeout=PATIENCE_S)
         lines = stream.iter_lines()
         while f'"seq":{own},' not in seen:
             seen += next(lines)
@@ -74,9 +74,9 @@ def test_a_map_that_the_token_may_not_see_is_not_there(building) -> None:
             assert hidden.json()["detail"] == "There is no map office."
     for path in ("/events/feed?map=office", "/maps/office/live", "/maps/nowhere/live"):
         with connect(service.socket_url(path), subprotocols=offered) as socket:
-            told = json.loads(socket.recv(timeout=10))
+            told = json.loads(socket.recv(timeout=PATIENCE_S))
             assert (told["type"], told["detail"].split(" map ")[0]) == ("error", "There is no")
     with connect(service.socket_url("/maps/annex/live"), subprotocols=offered) as socket:
-        shown = json.loads(socket.recv(timeout=10))
+        shown = json.loads(socket.recv(timeout=PATIENCE_S))
         assert [each["name"] for each in shown["tracks"]] == ["annex person"]
         assert socket.subprotocol == "semap"

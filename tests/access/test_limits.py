@@ -11,14 +11,14 @@ import pytest
 from guarded import Guarded, guarded
 from hypothesis import given
 from hypothesis import strategies as st
-from patience import until
+from patience import PATIENCE_S, until
 from semap_service.access.credentials import address_of
 from semap_service.access.limits import LIMITS
 from semap_service.access.loopback_host import is_loopback
 from semap_service.access.rate_limit import BURST, Buckets
 from semap_service.http.own_origin import require_origin
+from web_socket import connect as connect_socket
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect as connect_socket
 
 from semap.errors import InvalidInput
 from semap.store.database import connect
@@ -76,11 +76,11 @@ def test_feeds_that_are_open_are_counted(database: str) -> None:
             return connect_socket(service.socket_url("/events/feed"), subprotocols=offered)  # type: ignore[arg-type]
 
         with follow() as first, follow() as second, follow() as third, service.client("a") as client:
-            assert json.loads(first.recv(timeout=10))["type"] == "hello"
-            assert json.loads(second.recv(timeout=10))["type"] == "hello"
-            assert json.loads(third.recv(timeout=10))["type"] == "error"
+            assert json.loads(first.recv(timeout=PATIENCE_S))["type"] == "hello"
+            assert json.loads(second.recv(timeout=PATIENCE_S))["type"] == "hello"
+            assert json.loads(third.recv(timeout=PATIENCE_S))["type"] == "error"
             with pytest.raises(ConnectionClosed, match="4429"):
-                third.recv(timeout=10)
+                third.recv(timeout=PATIENCE_S)
             refused = client.get("/events?wait=1")
             assert (refused.status_code, refused.json()["type"]) == (429, "urn:semap:problem:too-many-feeds")
             assert client.get("/events").status_code == 200
@@ -139,9 +139,9 @@ def test_without_tokens_only_names_of_this_machine_are_answered(open_to_all: Gua
             assert answer.status_code == status, host
     elsewhere = {"Host": "evil.example"}
     with connect_socket(open_to_all.socket_url("/events/feed"), additional_headers=elsewhere) as feed:
-        assert json.loads(feed.recv(timeout=10))["type"] == "error"
+        assert json.loads(feed.recv(timeout=PATIENCE_S))["type"] == "error"
         with pytest.raises(ConnectionClosed, match="1008"):
-            feed.recv(timeout=10)
+            feed.recv(timeout=PATIENCE_S)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_pages_of_other_sites_are_kept_out_unless_they_are_named(open_to_all: Gu
     for origin, is_let_in in ((SITE, True), ("https://evil.example", False)):
         try:
             with connect_socket(open_to_all.socket_url("/events/feed"), origin=origin) as feed:  # type: ignore[arg-type]
-                assert json.loads(feed.recv(timeout=10))["type"] == "hello"
+                assert json.loads(feed.recv(timeout=PATIENCE_S))["type"] == "hello"
             assert is_let_in
         except InvalidStatus:
             assert not is_let_in

@@ -5,8 +5,9 @@ import re
 
 import pytest
 from guarded import Building, furnish, give_tokens, guarded, until
+from patience import PATIENCE_S
 from test_feed_of_one_map import happen
-from websockets.sync.client import connect
+from web_socket import connect
 
 
 @pytest.fixture
@@ -58,16 +59,16 @@ def test_a_token_for_one_map_cannot_count_what_happens_on_others(building) -> No
                 seen += next(lines) + "\n"
             assert max(told(seen)) == 4
     with connect(service.socket_url("/events/feed?after=1"), subprotocols=offered) as socket:
-        assert told(socket.recv(timeout=10)) == [1, 4, 1]
-        assert told(socket.recv(timeout=10)) == [4, 2, 3, 4]
+        assert told(socket.recv(timeout=PATIENCE_S)) == [1, 4, 1]
+        assert told(socket.recv(timeout=PATIENCE_S)) == [4, 2, 3, 4]
         happen(building, "office")
-        assert json.loads(socket.recv(timeout=10)) == {"type": "heartbeat", "cursor": 4}
+        assert json.loads(socket.recv(timeout=PATIENCE_S)) == {"type": "heartbeat", "cursor": 4}
         happen(building, "annex")
-        while '"seq":5' not in (message := socket.recv(timeout=10)):
+        while '"seq":5' not in (message := socket.recv(timeout=PATIENCE_S)):
             assert json.loads(message) == {"type": "heartbeat", "cursor": 4}
         assert told(message) == [5, 5]
     with connect(service.socket_url("/maps/annex/live"), subprotocols=offered) as socket:
-        assert told(socket.recv(timeout=10)) == [5]
+        assert told(socket.recv(timeout=PATIENCE_S)) == [5]
 
 
 def test_a_token_for_several_maps_follows_each_by_its_own_numbers(building) -> None:

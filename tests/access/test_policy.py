@@ -10,11 +10,12 @@ from functools import cache
 import httpx
 import pytest
 from guarded import Building
+from patience import PATIENCE_S
 from semap_service.access.policy import POLICY, demand_of
 from semap_service.context.caller import INCLUDED
 from semap_service.serving.app import create_app
 from sqlalchemy import event
-from websockets.sync.client import connect
+from web_socket import connect
 
 from semap.store.operator_table import OPERATORS
 
@@ -178,13 +179,13 @@ def test_a_socket_asks_for_a_token(
     url = building.service.socket_url(filled(path))
     with connect(url, subprotocols=offered) as socket:
         assert socket.subprotocol == "semap"
-        first = json.loads(socket.recv(timeout=10))
+        first = json.loads(socket.recv(timeout=PATIENCE_S))
         if code is None:
             assert first["type"] in ("hello", "snapshot")
             return
         assert first["type"] == "error"
         with pytest.raises(Exception, match=str(code)):
-            socket.recv(timeout=10)
+            socket.recv(timeout=PATIENCE_S)
 
 
 def ids_of(building: Building, path: str) -> dict[str, object]:

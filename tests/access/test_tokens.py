@@ -14,12 +14,12 @@ from datetime import UTC, datetime, timedelta
 import httpx
 import pytest
 from guarded import Building, Guarded
-from patience import until
+from patience import PATIENCE_S, until
 from semap_service.cli import commands
 from typer.testing import CliRunner
+from web_socket import connect as connect_socket
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
-from websockets.sync.client import connect as connect_socket
 
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.store.database import connect, one_transaction
@@ -86,7 +86,7 @@ def test_a_feed_ends_when_its_token_is_revoked(building: Building) -> None:
         service.client(secret) as client,
         client.stream("GET", "/events/stream") as stream,
     ):
-        assert json.loads(feed.recv(timeout=10))["type"] == "hello"
+        assert json.loads(feed.recv(timeout=PATIENCE_S))["type"] == "hello"
         lines = stream.iter_lines()
         assert any(line.startswith("event: hello") for line in lines)
         with connect(service.dsn) as owner:
@@ -101,7 +101,7 @@ def rest_of(feed: ClientConnection) -> list[dict]:
     messages = []
     with suppress(ConnectionClosed):
         while True:
-            messages.append(json.loads(feed.recv(timeout=20)))
+            messages.append(json.loads(feed.recv(timeout=PATIENCE_S)))
     return messages
 
 

@@ -7,10 +7,8 @@ import subprocess
 import sys
 
 import httpx
-from patience import until
+from patience import PATIENCE_S, until
 from semap_service.processes.port import free_port
-
-PATIENCE_S = 60.0
 
 
 class Serving:
@@ -38,6 +36,6 @@ class Serving:
 
     def _answers(self) -> bool:
         try:
-            return httpx.get(f"{self.url}/health", timeout=5).status_code == 200
+            return httpx.get(f"{self.url}/health", timeout=PATIENCE_S).status_code == 200
         except httpx.TransportError:
             return False

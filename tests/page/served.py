@@ -18,13 +18,12 @@ from uuid import NAMESPACE_URL, uuid4, uuid5
 
 import httpx
 import psycopg
-from patience import moment
+from patience import PATIENCE_S, moment
 from semap_service import demo
 
 from semap.store.database import connect
 
 OFFICE = Path(demo.__file__).parent / "office.geojson"
-PATIENCE_S = 120.0
 
 
 def free_port() -> int:
@@ -58,7 +57,7 @@ class Served:
             assert self.process.poll() is None, "the service ended"
             assert time.monotonic() < until_s, "the service does not answer"
             try:
-                if httpx.get(f"{self.url}/health", timeout=5).is_success:
+                if httpx.get(f"{self.url}/health", timeout=PATIENCE_S).is_success:
                     return self
             except httpx.TransportError:
                 moment()
@@ -95,7 +94,7 @@ class Office:
         return f"{self.url}/#map={self.name}"
 
     def get(self, path: str, **parameters: object) -> Any:
-        found = httpx.get(self.url + path, params=parameters, timeout=30)
+        found = httpx.get(self.url + path, params=parameters, timeout=PATIENCE_S)
         assert found.status_code == 200, found.text
         return found.json()
 

@@ -13,6 +13,7 @@ import psycopg
 import pytest
 import shapely
 from corpus import ACCEPTED, CONCEPTS
+from patience import PATIENCE_S
 from psycopg import errors
 from world import World
 
@@ -115,7 +116,7 @@ def test_a_request_is_told_when_its_transaction_is_committed(
         with writer.transaction():
             (request_id,) = writer.execute(ASK, ["in_room", IN_ROOM]).fetchone() or ()
             assert answer_all(world.dsn) == 0
-        (told,) = listening.notifies(timeout=20, stop_after=1)
+        (told,) = listening.notifies(timeout=PATIENCE_S, stop_after=1)
         assert told.payload == str(request_id)
         with writer.transaction():  # it was committed before
             writer.execute("call semap.await_continuous_query(%s)", [request_id])

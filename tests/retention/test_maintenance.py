@@ -13,6 +13,7 @@ import psycopg
 import pytest
 import shapely
 from past_days import bits, compact, make_partitions, midnight, retain, stored, write
+from patience import PATIENCE_S
 from rule_work import await_progress, running_worker
 from world import SECOND_US, World
 
@@ -181,7 +182,7 @@ def test_a_table_in_use_holds_up_a_drop_and_that_nobody(
             world.add_states([(track, to_us(midnight(0)) + n * SECOND_US, 1, 1, None)])
         assert not maintaining.done()
         holder.execute("commit")
-        assert maintaining.result(timeout=30).dropped_days == {"state_chunk": [day(9)]}
+        assert maintaining.result(timeout=PATIENCE_S).dropped_days == {"state_chunk": [day(9)]}
     assert world.one("select count(*) from semap.stored_state") == 30
 
 

@@ -10,6 +10,7 @@ from functools import cache
 
 import httpx
 from jsonschema import Draft202012Validator
+from patience import PATIENCE_S
 from running import Service
 from semap_service.documents.feed import CloudEvents, Events, Failure, Heartbeat, Hello, TooSlow
 
@@ -26,7 +27,7 @@ def schema(kind: str, in_envelope: bool) -> Draft202012Validator:
 
 def any_message(feed) -> dict:
     """The next message, which is as it is described; of many events the first are looked at."""
-    received = json.loads(feed.recv(timeout=10))
+    received = json.loads(feed.recv(timeout=PATIENCE_S))
     in_envelope = received["type"] == "events" and "specversion" in received["events"][0]
     some = {**received, "events": received["events"][:2]} if received["type"] == "events" else received
     schema(received["type"], in_envelope).validate(some)

@@ -18,7 +18,7 @@ import trimesh
 import uvicorn
 from fastapi import FastAPI
 from jsonschema import Draft202012Validator
-from patience import until
+from patience import PATIENCE_S, until
 from semap_service.feed.ring import Feed
 from semap_service.serving.app import create_app
 from shapely.geometry import mapping
@@ -43,10 +43,12 @@ class Service:
         self.plain = plain
         self.app = app
         self.server = server
-        self.raw = httpx.Client(base_url=self.url, timeout=30)
+        self.raw = httpx.Client(base_url=self.url, timeout=PATIENCE_S)
         self.described = published()
         self.seen: set[tuple[str, int]] = set()
-        self.client = httpx.Client(base_url=self.url, timeout=30, event_hooks={"response": [self._check]})
+        self.client = httpx.Client(
+            base_url=self.url, timeout=PATIENCE_S, event_hooks={"response": [self._check]}
+        )
 
     @property
     def server_feed(self) -> Feed:

@@ -13,13 +13,13 @@ from uuid import uuid4
 import pytest
 import shapely
 from following import any_message, deaf, drained, events, message, narrow, numbers
-from patience import until
+from patience import PATIENCE_S, until
 from running import START, Service
 from semap_service.documents.document import rfc3339
 from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import Connection, create_engine
+from web_socket import connect
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
 from semap.store.events import newest_event
 
@@ -326,7 +326,7 @@ def test_what_cannot_be_followed_is_refused(service: Service, query: str, words:
         assert words in refusal["detail"]
         assert refusal["remedy"]
         with pytest.raises(ConnectionClosed) as caught:
-            feed.recv(timeout=5)
+            feed.recv(timeout=PATIENCE_S)
     assert caught.value.rcvd.code == 4400
     assert words.split("'", maxsplit=1)[0] in caught.value.rcvd.reason
 
@@ -387,7 +387,7 @@ def test_who_falls_ever_further_behind_is_told(service: Service) -> None:
         assert (received["type"], received["cursor"]) == ("too_slow", len(seen))
         assert "events behind" in received["detail"]
         with pytest.raises(ConnectionClosed) as caught:
-            slow.recv(timeout=5)
+            slow.recv(timeout=PATIENCE_S)
         assert caught.value.rcvd.code == 4408
 
 

@@ -15,13 +15,13 @@ from cloudevents.core.v1.event import CloudEvent
 from fastapi import FastAPI
 from following import any_message, deaf, events, message, numbers, stream
 from jsonschema import Draft202012Validator
-from patience import until
+from patience import PATIENCE_S, until
 from running import Service
 from semap_service.processes.port import free_port
 from semap_service.serving.app import create_app
 from semap_service.serving.uvicorn_server import OPTIONS
 from starlette.middleware.gzip import GZipMiddleware
-from websockets.sync.client import connect
+from web_socket import connect
 
 
 @contextmanager
@@ -237,7 +237,7 @@ def test_a_stream_ends_with_the_server_and_goes_on_at_the_next(service: Service)
     last = "0"
     for number in range(3):
         app = create_app(service.app.state.feed._dsn, heartbeat_s=0.3, without_tokens=True)
-        with serving(app, port) as (server, url), httpx.Client(base_url=url, timeout=10) as client:
+        with serving(app, port) as (server, url), httpx.Client(base_url=url, timeout=PATIENCE_S) as client:
             service.happen(100 * number + 1, 50)
             with client.stream("GET", "/events/stream", headers={"Last-Event-ID": last}) as response:
                 lines = response.iter_lines()

@@ -11,11 +11,12 @@ import pytest
 import shapely
 from following import narrow
 from jsonschema import Draft202012Validator
+from patience import PATIENCE_S
 from running import START, Service
 from semap_service.documents.document import rfc3339
 from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
+from web_socket import connect
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
 from semap.store.live import LiveMap, live_map
 
@@ -44,7 +45,7 @@ class Drawn:
         self.first = first
 
     def next(self) -> dict:
-        received = json.loads(self.socket.recv(timeout=10))
+        received = json.loads(self.socket.recv(timeout=PATIENCE_S))
         if received["type"] != "error":
             SCHEMAS[received["type"]].validate(received)
         return received
@@ -233,10 +234,10 @@ def test_silence_is_filled_and_a_map_that_goes_is_told(service: Service) -> None
             pass
         assert told["detail"] == "There is no map office."
         with pytest.raises(ConnectionClosed) as caught:
-            page.socket.recv(timeout=5)
+            page.socket.recv(timeout=PATIENCE_S)
         assert caught.value.rcvd.code == 4400
     with connect(f"{service.url.replace('http', 'ws')}/maps/office/live") as socket:
-        assert json.loads(socket.recv(timeout=5))["type"] == "error"
+        assert json.loads(socket.recv(timeout=PATIENCE_S))["type"] == "error"
 
 
 def test_the_live_map_survives_the_loss_of_its_connections(service: Service) -> None:
@@ -264,7 +265,7 @@ def test_a_look_that_fails_in_a_way_that_nobody_expected_is_repeated(
 
     monkeypatch.setattr("semap_service.live.watch.live_map", fails_once)
     with connect(f"{service.url.replace('http', 'ws')}/maps/office/live") as socket:
-        while (told := json.loads(socket.recv(timeout=5)))["type"] == "heartbeat":
+        while (told := json.loads(socket.recv(timeout=PATIENCE_S)))["type"] == "heartbeat":
             pass
         assert told["type"] == "snapshot"
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import psycopg
 import pytest
 import shapely
+from patience import PATIENCE_S
 from running import Service
 from world import World
 
@@ -113,7 +114,7 @@ def test_the_log_carries_amendments_and_wakes_who_listens(office: World, databas
             office.run(AMEND, office.source_id, a, b, "merged")
         listener.execute("notify semap_amendment, 'end'")
         (number,) = office.rows("select track_amendment_id from semap.track_amendment")[0]
-        told = [each.payload for each in listener.notifies(timeout=10, stop_after=2)]
+        told = [each.payload for each in listener.notifies(timeout=PATIENCE_S, stop_after=2)]
     assert told == [str(number), "end"]
     assert office.rows(
         "select pubname, schemaname, tablename from pg_publication_tables where tablename = 'track_amendment'"

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 from running import Service
-from websockets.sync.client import connect as open_socket
+from web_socket import connect as open_socket
 
 from semap.cluster import Cluster
 from semap.store.database import connect

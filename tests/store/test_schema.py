@@ -7,6 +7,7 @@ from unittest.mock import patch
 
 import pytest
 from alembic.script import ScriptDirectory
+from patience import PATIENCE_S
 
 from semap.errors import DatabaseError, ServerUnavailable
 from semap.store import schema
@@ -96,7 +97,7 @@ def test_tables_in_use_hold_up_a_migration_and_it_nobody(
             reader.execute("select count(*) from semap.track")
         assert not migrating.done()
         holder.execute("commit")
-        assert migrating.result(timeout=30).behaviour_changed
+        assert migrating.result(timeout=PATIENCE_S).behaviour_changed
         assert is_current(reader)
 
 
