@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 import psycopg
+from psycopg.sql import SQL, Identifier
 from semap_ingest.replay import COPY_STATES
 from semap_ingest.state_copy import COLUMNS, copy_rows
 from semap_ingest.track_batch import send_batch
@@ -97,7 +98,8 @@ def _compact(connection: psycopg.Connection, source_id: int) -> float:
 
 
 def _bytes(connection: psycopg.Connection, table: str) -> float:
-    """The room of a state, with all keys; partitions are counted."""
+    """The room of a state, with all keys; partitions are counted, and rows that are dead are not."""
+    connection.execute(SQL("vacuum full {}").format(Identifier(*table.split("."))))
     row = connection.execute(
         "select coalesce(sum(pg_total_relation_size(relid)), pg_total_relation_size(%(table)s))"
         " from pg_partition_tree(%(table)s) where isleaf",

@@ -6,7 +6,7 @@
 -- Compact the oldest states of a source whose positions are flushed: of one half hour of the clock, of 240 stamps at
 -- most and of so many at least, unless no more are to come in that half hour. Says of how many states.
 create or replace function semap.compact_states(p_source_id integer, p_least_stamps integer default 240) returns bigint
-language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
+language plpgsql security definer set search_path = pg_catalog, pg_temp set work_mem = '256MB' as $$
 declare
   c_most_stamps  constant integer := 240;
   c_most_states  constant bigint := 2000000;
