@@ -160,7 +160,7 @@ def test_throughput_has_the_form_of_all(database: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(throughput, "TRACKS", 20)
     monkeypatch.setattr(throughput, "ROUNDS", 3)
     rows = throughput.measure(database)
-    for title in ("bare_copy_per_s", "frames_per_s", "ratio"):
+    for title in ("bare_copy_per_s", "batches_per_s", "ratio"):
         assert [len(each.rounds) for each in _figures(rows, title)] == [3, 3]
 
 
