@@ -11,7 +11,7 @@ import psycopg
 import shapely
 from numpy.typing import NDArray
 from semap_ingest.state_copy import pack_states
-from semap_ingest.state_frame import pack_frame
+from semap_ingest.track_batch import pack_batch
 
 ROOM_X_M, ROOM_Y_M = 5.0, 4.0
 SPEED_MPS = 1.4
@@ -85,10 +85,10 @@ def batches(track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us:
 def framed(
     source_id: int, track_ids: NDArray[np.int64], places: NDArray[np.float64], first_us: int
 ) -> list[Sequence[object]]:
-    """The same states, each batch one row of `track_state_frame`."""
+    """The same states, as track batches."""
     tracks = len(track_ids)
     return [
-        pack_frame(source_id, stamp_us, track_ids, x_m, y_m, np.full(tracks, 1.0), np.full(tracks, 0.05))
+        pack_batch(source_id, stamp_us, track_ids, x_m, y_m, np.full(tracks, 1.0), np.full(tracks, 0.05))
         for stamp_us, (x_m, y_m) in zip(
             frame_stamps(len(places), first_us).tolist(), places.transpose(0, 2, 1), strict=True
         )
@@ -127,7 +127,7 @@ class Crowd:
         return batches(self.track_ids, self.places, self.first_us)
 
     def frames(self, connection: psycopg.Connection) -> list[Sequence[object]]:
-        """The same as rows of `track_state_frame`."""
+        """The same as track batches."""
         return framed(source_of(connection, self.track_ids), self.track_ids, self.places, self.first_us)
 
 

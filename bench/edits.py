@@ -102,7 +102,7 @@ def measure(
 
 def differences(connection: psycopg.Connection) -> int:
     """How many relations and changes are not as they should be."""
-    connection.execute("select semap.settle_places(array_agg(source_id)) from semap.source")
+    connection.execute("select semap.flush_positions(array_agg(source_id)) from semap.source")
     (count,) = connection.execute(DIFFERENCES).fetchone() or (0,)
     return int(count)
 

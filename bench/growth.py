@@ -7,7 +7,7 @@ regions  The building grows, with as many rooms at any place as before; 1,000 tr
 tracks   In 1,000 rooms, never more than 1,000 tracks of one source, which sends a frame (each of them
          once) in one batch. Fewer tracks send several frames in a batch, 1,000 states, as a replay does.
 tracks of one source  A frame of more than 1,000 tracks is sent in several batches.
-tracks in a frame     Each frame is one row of `track_state_frame`, however many tracks it has.
+tracks in a frame     Each frame is a track batch, however many tracks it has.
 stored   1,000 rooms and tracks; half of the states lie in the five days before, half in the partition that is
          written to, right before the first new one.
 
@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 
 from bench.copies import copied, without_slots
 from bench.crowd import RATE_HZ, Floor, build_map, framed, source_of, walk
@@ -54,10 +54,14 @@ REGIONS = """
     select semap.index_regions(array_agg(region_id)) from made
 """
 STORED = """
-    insert into semap.track_state (track_id, stamp, x_m, y_m, z_m, std_m)
-    select track_id, %(last)s::timestamptz - interval '1 d' * %(days)s - frame * interval '66667 us',
-           200 * random(), 100 * random(), 1, 0.05
-    from generate_series(%(frames)s::bigint, 1, -1) frame cross join unnest(%(track_ids)s::bigint[]) track_id
+    insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m, z_m, std_m)
+    select k.source_id, s.stamp, s.stamp, count(*), array_agg(k.track_id), array_agg(200 * random()),
+           array_agg(100 * random()), array_agg(1::float8), array_agg(0.05::real)
+    from generate_series(%(frames)s::bigint, 1, -1) frame cross join semap.track k
+    cross join lateral (
+      select %(last)s::timestamptz - interval '1 d' * %(days)s - frame * interval '66667 us' as stamp) s
+    where k.track_id = any (%(track_ids)s::bigint[])
+    group by k.source_id, s.stamp
 """
 
 
@@ -124,7 +128,7 @@ def _in_a_frame(connection: psycopg.Connection, size: int, extent: Extent) -> Ca
     per_round = max(round(extent.batches * BATCH / size), min(round(RATE_HZ), extent.batches))
     places = walk(ROOMS, size, (extent.rounds + 1) * per_round, pause_s=0)
     frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
-    return Case({"size": size}, connection, iter(frames), per_round, insert_frame, size)
+    return Case({"size": size}, connection, iter(frames), per_round, send_batch, size)
 
 
 def of_stored(connection: psycopg.Connection, size: int, extent: Extent) -> Case:
@@ -136,6 +140,7 @@ def of_stored(connection: psycopg.Connection, size: int, extent: Extent) -> Case
         values = {"last": FIRST, "days": days, "frames": share // BATCH, "track_ids": track_ids}
         connection.execute(STORED, values)
     connection.execute("set session_replication_role = origin")
+    connection.execute("select semap.compact_all(array(select source_id from semap.source))")
     return case
 
 

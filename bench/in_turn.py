@@ -21,7 +21,7 @@ from bench.figure import Rows, figure
 BATCH = 1000
 SETTLE = """
     vacuum analyze semap.region, semap.region_cell, semap.region_edge, semap.track, semap.track_now,
-                   semap.track_state
+                   semap.state_chunk
 """
 
 

@@ -1,7 +1,7 @@
 """Time from COPY to the event at a WebSocket client, with every process of semap in between.
 
-A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: one row of
-`track_state_frame`, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
+A source is a tracker that follows up to 200 people at 15 Hz and sends each frame as it is made: a track
+batch, one state of each of its tracks. At 1,000 states/s that is one source of 67 tracks, at
 30,000 ten of 200, each with a connection of its own and its frames a little after those of the one before.
 Frames are whole, so that each says how far its source is; an event waits for the next frames of the others.
 
@@ -28,7 +28,7 @@ import numpy as np
 import psycopg
 import websockets
 from numpy.typing import NDArray
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 from semap_service.processes.port import free_port
 from semap_service.processes.supervisor import Supervisor
 
@@ -175,7 +175,7 @@ def _write(dsn: str, source: Source, started_s: float, sent: Sent) -> None:
             begun_s = time.monotonic()
             sent.begun_s[stamp_us] = begun_s
             sent.late_ms[stamp_us] = 1e3 * (begun_s - due_s)
-            insert_frame(cursor, row)
+            send_batch(cursor, row)
             if source.after_us == 0 and number % 2 == 0:
                 done_s = time.monotonic()
                 cursor.execute("insert into commit_alone values (%s)", [number], prepare=True)

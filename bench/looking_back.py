@@ -6,7 +6,6 @@ leave is written as it would lie there, past the triggers, which have benchmarks
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
@@ -14,14 +13,13 @@ import numpy as np
 from sqlalchemy import Connection, text
 
 from bench import operators
-from bench.figure import once, percentiles, timed_ms
+from bench.figure import percentiles, timed_ms
 from semap.store.database.connection import connect, open_engine
 from semap.store.features.collection import get_collection
 from semap.store.features.page import Box, Cursor, SortKey, Wanted, read_page
 from semap.store.features.placing import CRS84, MAP_FRAME, placing_of
 from semap.store.map.maps import create_map
 from semap.store.motion import moment, track_history
-from semap.store.operate.maintenance import maintain
 
 TRACKS = 50
 HOURS = 4
@@ -31,11 +29,7 @@ QUESTIONS = 50
 START = datetime(2026, 1, 31, 22, tzinfo=UTC)
 
 DAYS = "select semap.ensure_partitions(array(select generate_series(%s::date, %s::date, '1 day')::date))"
-ROOM = """
-    select (select sum(pg_total_relation_size(relid))
-            from pg_partition_tree('semap.track_state') where isleaf),
-           pg_total_relation_size('semap.track_state_packed')
-"""
+ROOM = "select sum(pg_total_relation_size(relid)) from pg_partition_tree('semap.state_chunk') where isleaf"
 LEAVE = (
     """
     insert into semap.source (map_id, name) select map_id, 'tracker' from semap.map where name = 'history'
@@ -46,10 +40,14 @@ LEAVE = (
     from semap.source s cross join generate_series(1, %(tracks)s::int) n
     """,
     """
-    insert into semap.track_state (track_id, stamp, x_m, y_m, heading_rad, speed_mps)
-    select t.track_id, %(start)s::timestamptz + tick * interval '0.1 s',
-           mod(tick / 600 + t.track_id, %(rooms)s) * 5 + mod(tick, 50) / 10.0, mod(t.track_id, 5), 0, 1
+    insert into semap.state_chunk (
+      source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m, heading_rad, speed_mps)
+    select t.source_id, a.stamp, a.stamp, count(*), array_agg(t.track_id),
+           array_agg(mod(tick / 600 + t.track_id, %(rooms)s) * 5 + mod(tick, 50) / 10.0),
+           array_agg(mod(t.track_id, 5)), array_agg(0::real), array_agg(1::real)
     from generate_series(0, %(ticks)s::bigint - 1) tick cross join semap.track t
+    cross join lateral (select %(start)s::timestamptz + tick * interval '0.1 s' as stamp) a
+    group by t.source_id, a.stamp
     """,
     """
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
@@ -67,41 +65,22 @@ LEAVE = (
 
 def measure(dsn: str, hours: float = HOURS, things: int = operators.THINGS) -> list[dict[str, object]]:
     """One row for each question: times [ms]."""
-    states = leave(dsn, hours)
+    states, room = leave(dsn, hours)
     operators.build(dsn, things)
     dice = np.random.default_rng(1)
     engine = open_engine(dsn, "semap_read")
-    rows: list[dict[str, object]] = [{"question": f"states of {TRACKS} tracks", "rows": states}]
+    rows: list[dict[str, object]] = [
+        {"question": f"states of {TRACKS} tracks, {room} bytes each", "rows": states}
+    ]
     with engine.connect() as connection:
         questions = {**_looking_back(connection, dice, hours), **_pages(connection, dice)}
         rows += [{"question": name, **_timed(ask)} for name, ask in questions.items()]
-    rows.append(_packed(dsn))
-    with engine.connect() as connection:
-        packed = _looking_back(connection, dice, hours)
-        rows += [{"question": f"{name}, packed", **_timed(ask)} for name, ask in packed.items()]
     engine.dispose()
     return rows
 
 
-def _packed(dsn: str) -> dict[str, object]:
-    """Packs all states; bytes of a state before and after, and time of packing one."""
-    with connect(dsn) as connection:
-        connection.execute("update semap.retention set pack_after = '1 d' where kind = 'states'")
-        as_rows, _ = connection.execute(ROOM).fetchone() or (0, 0)
-        started_s = time.perf_counter()
-        states = sum(maintain(dsn).packed.values())
-        took_us = 1e6 * (time.perf_counter() - started_s)
-        connection.execute("vacuum analyze semap.track_state_packed")
-        _, packed = connection.execute(ROOM).fetchone() or (0, 0)
-    return {
-        "question": f"bytes of a state: {as_rows / states:.0f} as a row, {packed / states:.1f} packed in us:",
-        "p50_ms": once(took_us / states, 1),
-        "rows": states,
-    }
-
-
-def leave(dsn: str, hours: float) -> int:
-    """A history of so many hours; returns how many states it has."""
+def leave(dsn: str, hours: float) -> tuple[int, int]:
+    """A history of so many hours; how many states it has, and the room of one [bytes]."""
     ticks = int(hours * 36_000)
     end = START + timedelta(hours=hours)
     values = {"tracks": TRACKS, "start": START, "end": end, "ticks": ticks, "rooms": ROOMS}
@@ -115,8 +94,11 @@ def leave(dsn: str, hours: float) -> int:
             connection.execute(f"set session_replication_role = {'replica' if n > 1 else 'origin'}")
             connection.execute(statement, values if "%(" in statement else None)
         connection.execute("set session_replication_role = origin")
-        connection.execute("vacuum analyze semap.track_state, semap.relation_change, semap.track")
-    return ticks * TRACKS
+        connection.execute("select semap.compact_all(array(select source_id from semap.source))")
+        connection.execute("vacuum full semap.state_chunk")
+        connection.execute("vacuum analyze semap.state_chunk, semap.relation_change, semap.track")
+        (room,) = connection.execute(ROOM).fetchone() or (0,)
+    return ticks * TRACKS, round(room / (ticks * TRACKS))
 
 
 def _looking_back(

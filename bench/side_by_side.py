@@ -20,7 +20,7 @@ import numpy as np
 import psycopg
 import shapely
 from numpy.typing import NDArray
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 
 from bench.crowd import Crowd, Floor, build_map, walk
 from bench.figure import figure, once
@@ -140,7 +140,7 @@ class Triggers:
         self.named = Named("semap's triggers" + (", as rows" if as_rows else ""))
         self._connection = connection
         self._map_id = map_id
-        self._send: Callable[[psycopg.Cursor, Any], None] = copy_states if as_rows else insert_frame
+        self._send: Callable[[psycopg.Cursor, Any], None] = copy_states if as_rows else send_batch
         self._batches: Sequence[Any] = crowd.batches if as_rows else crowd.frames(connection)
         self._first_id = int(crowd.track_ids[0])
         self._shift = 0

@@ -22,7 +22,7 @@ import psycopg
 from numpy.typing import NDArray
 from semap_ingest.replay import COPY_STATES
 from semap_ingest.state_copy import copy_rows
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 
 from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk
 from bench.figure import Rows, figure
@@ -108,7 +108,7 @@ def _triggers(
     connection.execute("vacuum analyze semap.track_now, semap.region")
     if in_frames:
         source_id = source_of(connection, track_ids)
-        return Kept(connection, insert_frame, framed(source_id, track_ids, places, FIRST_US))
+        return Kept(connection, send_batch, framed(source_id, track_ids, places, FIRST_US))
     return Kept(connection, partial(copy_rows, COPY_STATES), batches(track_ids, places, FIRST_US))
 
 

@@ -1,10 +1,9 @@
-"""States per second through the triggers, as frames and as rows, beside a bare COPY of the same rows.
+"""States per second, as track batches and as rows, beside a bare COPY of the same rows; and their room.
 
 The bare table has the same columns and nothing else: no key, no partitions, no constraint, no
 trigger. All commit every batch durably, with the relations that follow from it. Rounds take turns.
 
-What is a frame at first becomes rows of track_state within seconds, beside the writer: what that takes is
-measured after each round, and so is the rate if one process did both.
+All work is counted: after each round all states are compacted, which the worker does beside the writer.
 """
 
 from __future__ import annotations
@@ -15,9 +14,10 @@ from functools import partial
 from typing import Any
 
 import psycopg
+from psycopg.sql import SQL, Identifier
 from semap_ingest.replay import COPY_STATES
 from semap_ingest.state_copy import COLUMNS, copy_rows
-from semap_ingest.state_frame import insert_frame
+from semap_ingest.track_batch import send_batch
 
 from bench.crowd import Floor, batches, build_map, framed, source_of, walk
 from bench.figure import figure
@@ -47,21 +47,29 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         connection.execute(BARE_TABLE)
         connection.execute("select semap.ensure_partitions(array[date '2026-01-01'])")
         places = walk(FLOOR, TRACKS, (2 * ROUNDS + 1) * FRAMES, pause_s)
-        rates: dict[str, list[float]] = {"bare": [], "rows": [], "frames": [], "both": []}
+        source_id = source_of(connection, track_ids)
         as_rows = batches(track_ids, places, FIRST_US)
-        as_frames = framed(source_of(connection, track_ids), track_ids, places, FIRST_US)
+        as_batches = framed(source_id, track_ids, places, FIRST_US)
+        rates: dict[str, list[float]] = {"bare": [], "batches": [], "rows": []}
+        bytes_each: dict[str, list[float]] = {"bare": [], "hot": [], "compacted": []}
         _rate(connection, partial(copy_rows, COPY_STATES), as_rows[:FRAMES])
+        _compact(connection, source_id)
         connection.execute("vacuum analyze semap.track_now")
         before = _changes(connection)
-        later_us = []
         for number in range(1, 2 * ROUNDS, 2):
             some, others = (slice(each * FRAMES, (each + 1) * FRAMES) for each in (number, number + 1))
-            connection.execute("truncate bare")
+            connection.execute("truncate bare, semap.state_chunk, semap.track_state")
             rates["bare"].append(_rate(connection, partial(copy_rows, COPY_BARE), as_rows[some]))
-            rates["rows"].append(_rate(connection, partial(copy_rows, COPY_STATES), as_rows[some]))
-            rates["frames"].append(_rate(connection, insert_frame, as_frames[others]))
-            later_us.append(_unfold_us(connection))
-            rates["both"].append(1e6 / (1e6 / rates["frames"][-1] + later_us[-1]))
+            bytes_each["bare"].append(_bytes(connection, "bare"))
+            for kind, send, sent in (
+                ("rows", partial(copy_rows, COPY_STATES), as_rows[some]),
+                ("batches", send_batch, as_batches[others]),
+            ):
+                first_s = 1 / _rate(connection, send, sent)
+                bytes_each["hot"].append(_bytes(connection, "semap.state_chunk"))
+                rates[kind].append(1 / (first_s + _compact(connection, source_id)))
+                bytes_each["compacted"].append(_bytes(connection, "semap.state_chunk"))
+                connection.execute("truncate semap.state_chunk")
         changes = _changes(connection) - before
         connection.execute("drop table bare")
     ratios = {kind: [r / b for r, b in zip(of, rates["bare"], strict=True)] for kind, of in rates.items()}
@@ -72,24 +80,32 @@ def _measure(dsn: str, name: str, pause_s: float) -> dict[str, object]:
         "batch": TRACKS,
         "changes_per_1000_states": round(1000 * changes / (2 * ROUNDS * FRAMES * TRACKS), 1),
         "bare_copy_per_s": figure(rates["bare"]),
-        "frames_per_s": figure(rates["frames"]),
-        "ratio": figure(ratios["frames"], 3),
+        "batches_per_s": figure(rates["batches"]),
+        "ratio": figure(ratios["batches"], 3),
         "rows_per_s": figure(rates["rows"]),
         "ratio_of_rows": figure(ratios["rows"], 3),
-        "us_later_per_state": figure(later_us, 2),
-        "ratio_with_later": figure(ratios["both"], 3),
+        "bytes_of_a_row": figure(bytes_each["bare"], 1),
+        "bytes_hot": figure(bytes_each["hot"], 1),
+        "bytes_compacted": figure(bytes_each["compacted"], 1),
     }
 
 
-def _unfold_us(connection: psycopg.Connection) -> float:
-    """What it takes for each state to become a row of track_state."""
-    (before,) = connection.execute("select count(*) from semap.track_state").fetchone() or (0,)
+def _compact(connection: psycopg.Connection, source_id: int) -> float:
+    """What it takes for each state until nothing is left to do [s]."""
     started_s = time.perf_counter()
-    while connection.execute("select semap.unfold_frames()").fetchone() != (0,):
-        pass
-    seconds = time.perf_counter() - started_s
-    (after,) = connection.execute("select count(*) from semap.track_state").fetchone() or (0,)
-    return 1e6 * seconds / (after - before)
+    connection.execute("select semap.compact_all(array[%s])", [source_id])
+    return (time.perf_counter() - started_s) / (FRAMES * TRACKS)
+
+
+def _bytes(connection: psycopg.Connection, table: str) -> float:
+    """The room of a state, with all keys; partitions are counted, and rows that are dead are not."""
+    connection.execute(SQL("vacuum full {}").format(Identifier(*table.split("."))))
+    row = connection.execute(
+        "select coalesce(sum(pg_total_relation_size(relid)), pg_total_relation_size(%(table)s))"
+        " from pg_partition_tree(%(table)s) where isleaf",
+        {"table": table},
+    ).fetchone()
+    return float(row[0]) / (FRAMES * TRACKS) if row else 0.0
 
 
 def _rate(

@@ -7,8 +7,8 @@
 --   4. doors (7367, map), where lines or an edit move them
 --   5. amendments of tracks (7368, 0)
 --   6. rows: first those of the trigger's own tables by track, then source, source_count and recording
---   7. frames of states that become rows (7374, source): by the worker, which holds nothing else, or by whoever keeps
---      the writers of the source out already
+--   7. states that are compacted (7374, source): by the worker, which holds nothing else, or by whoever keeps the
+--      writers of the source out already
 --
 -- Whoever takes a later one first and regions after it has to take regions at the beginning of the transaction.
 -- Once held, regions are never waited for again, whoever is queued. The others stand by themselves and are never taken

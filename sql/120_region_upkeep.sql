@@ -152,7 +152,7 @@ begin
     return;
   end if;
 
-  perform semap.settle_maps(array(select distinct map_id from semap.region where region_id = any (v_gone || v_changed)));
+  perform semap.flush_maps(array(select distinct map_id from semap.region where region_id = any (v_gone || v_changed)));
   perform semap.unsettle(v_gone || v_changed);
   perform semap.index_regions(v_changed);
   perform semap.unsettle(v_changed);
@@ -285,11 +285,6 @@ begin
   else
     select array_agg(query_id) into v_query_ids from new_query;
     perform semap.choose_tracks(v_query_ids, null);
-    -- one that asks for more than where somebody is takes no frames (sql/146)
-    update semap.source_count set frame_track_ids = null
-    where frame_track_ids is not null
-      and source_id in (select s.source_id from new_query n join semap.source s using (map_id)
-                        where n.in_pairs or n.longest_gap is not null);
   end if;
   perform semap.refresh_regions(array_agg(distinct instance_id))
   from (select instance_id from semap.region where query_id = any (v_query_ids)

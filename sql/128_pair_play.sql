@@ -15,20 +15,11 @@ begin
       select n as present, s as source from semap.track_now n join semap.source s using (source_id)
       where n.track_id = any (p_track_ids) and n.first_stamp <= p_to
     ), stated as materialized (
-      select s.track_id, row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,
-                             s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad)::semap.track_state as state
-      from semap.stored_state s
-      where s.track_id = any (p_track_ids) and s.stamp > p_from and s.stamp <= p_to
-        and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to and s.to_stamp >= p_from
+      select s.track_id, s as state from semap.states(p_track_ids, p_from, p_to) s where s.stamp > p_from
       union all
-      -- most were seen not long before
-      select (t.present).track_id, coalesce(b.state, (select l from semap.state_before((t.present).track_id, p_from) l))
+      select (t.present).track_id, l
       from taking_part t
-      left join lateral (
-        select s as state
-        from semap.track_state s
-        where s.track_id = (t.present).track_id and s.stamp <= p_from and s.stamp > p_from - interval '1 min'
-        order by s.stamp desc limit 1) b on true
+      cross join lateral semap.states_around((t.present).track_id, p_from + interval '1 us', 1, 0) l
       where (t.present).first_stamp <= p_from
     ), kept as (
       select track_id, array_agg(state order by (state).stamp) as states, min((state).stamp) as first_stamp

@@ -222,32 +222,22 @@ begin
     return p_late_ids;
   elsif v_reach_m = 'infinity' then
     return v_others;
-  elsif (select count(*) from (select from semap.stored_state s
-                               where s.track_id = any (v_others) and s.stamp >= p_from and s.stamp <= p_to
-                                 and s.from_stamp > p_from - interval '30 min' and s.from_stamp <= p_to
-                                   and s.to_stamp >= p_from
-                               limit c_most_states + 1) c) > c_most_states then
+  elsif (select count(*) from semap.states(v_others, p_from, p_to)) > c_most_states then
     return null;
   end if;
   return (
     with seen as materialized (
       select s.track_id, s.x_m, s.y_m, greatest(s.length_m, s.width_m, 0) as size_m
-      from semap.stored_state s
-      where s.track_id = any (v_others) and s.stamp >= p_from - interval '1 min' and s.stamp <= p_to
-        and s.from_stamp > p_from - interval '31 min' and s.from_stamp <= p_to
-          and s.to_stamp >= p_from - interval '1 min'
+      from semap.states(v_others, p_from - interval '1 min', p_to) s
       union all
       select n.track_id, n.x_m, n.y_m, greatest(n.length_m, n.width_m, 0)
       from semap.track_now n where n.track_id = any (v_others) and n.stamp <= p_to
       union all
       -- who was not heard of for a while is where it was
       select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0)
-      from (select n.track_id from semap.track_now n
-            where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
-              and not exists (select from semap.track_state s where s.track_id = n.track_id and s.stamp <= p_from
-                                                                and s.stamp >= p_from - interval '1 min')
-            offset 0) n
-      cross join lateral semap.state_before(n.track_id, p_from) b
+      from semap.track_now n
+      cross join lateral semap.states_around(n.track_id, p_from + interval '1 us', 1, 0) b
+      where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
     ), box as (
       select min(x_m) as x_min_m, max(x_m) as x_max_m, min(y_m) as y_min_m, max(y_m) as y_max_m,
              max(size_m) + v_reach_m as reach_m
@@ -304,12 +294,7 @@ begin
   is_present := to_stamp >= v_present;
   track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
-      from (select s.stamp from semap.stored_state s
-            where s.track_id = any (track_ids) and s.stamp > prepare_play.from_stamp
-              and s.stamp <= prepare_play.to_stamp
-              and s.from_stamp > prepare_play.from_stamp - interval '30 min'
-              and s.from_stamp <= prepare_play.to_stamp and s.to_stamp >= prepare_play.from_stamp
-            limit c_most_states + 1) c) then
+      from semap.states(track_ids, from_stamp, to_stamp) s where s.stamp > prepare_play.from_stamp) then
     states := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, p_not_yet_ids, p_not_yet_stamps);
     states_without := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp,
                                            p_ids || p_not_yet_ids, p_stamps || p_not_yet_stamps);

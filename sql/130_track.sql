@@ -36,11 +36,7 @@ begin
   select array_agg(distinct source_id order by source_id) into v_source_ids
   from new_track where track_id = any (v_ended);
   perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
-  if exists (select from semap.track_now t join semap.source_count c using (source_id)
-             where t.track_id = any (v_ended) and t.live and t.stamp < c.frame_stamp) then
-    perform semap.settle_places(v_source_ids);
-  end if;
-  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id = any (v_source_ids) and frame_tracks is not null;
+  perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(r.track_id, r.region_id, 'ended', 'disappeared',
                        greatest(n.ended_at, t.stamp), greatest(n.ended_at, t.stamp), null, null)::semap.crossing) into v_crossings
@@ -75,7 +71,7 @@ create or replace function semap.track_leaves() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   if exists (select from semap.map where map_id = old.map_id) then
-    perform semap.settle_places(array[old.source_id]);
+    perform semap.flush_positions(array[old.source_id]);
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
                                        instance_id, instance_name, kind, cause, stamp, edge_at, since)
     select gen_random_uuid(), r.map_id, r.query_id, r.query_name, old.track_id, old.name,
@@ -93,15 +89,9 @@ end $$;
 create or replace trigger track_leaves before delete on semap.track
   for each row execute function semap.track_leaves();
 
--- With a track go its states and what they changed; a track of the same name starts anew. Where its states lie its
--- present says, which goes last. Rows go before packed ones: whoever packs them at this moment is waited for there, so
--- that all that was packed is seen.
+-- With a track go its states and what they changed; a track of the same name starts anew.
 create or replace function semap.track_deleted() returns trigger
-language plpgsql security definer
-set search_path = public, pg_temp set plan_cache_mode = force_custom_plan as $$
-declare
-  v_first  timestamptz;
-  v_last   timestamptz;
+language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where track_id in (select track_id from old_track);
   delete from semap.relation_change
@@ -110,17 +100,11 @@ begin
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
   delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
   delete from semap.followed_state where track_id in (select track_id from old_track);
-  select min(n.first_stamp), greatest(max(n.stamp), max(n.outlier_stamp), max(c.frame_stamp), (
-           select max(stamp) from semap.track_state_frame where source_id in (select source_id from old_track)))
-  into v_first, v_last
-  from semap.track_now n left join semap.source_count c using (source_id)
-  where n.track_id in (select track_id from old_track);
-  perform semap.unfold_sources(array(select distinct source_id from old_track order by 1));
-  delete from semap.track_state
-  where track_id in (select track_id from old_track) and stamp >= v_first and stamp <= v_last;
-  delete from semap.track_state_packed where track_id in (select track_id from old_track);
+  -- where they are among others, each gets chunks of its own first
+  perform semap.compact_all(array(select distinct source_id from old_track order by 1));
+  delete from semap.state_chunk where track_id in (select track_id from old_track);
+  delete from semap.track_state_inbox where track_id in (select track_id from old_track);
   delete from semap.track_now where track_id in (select track_id from old_track);
-  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id in (select source_id from old_track);
   return null;
 end $$;
 

@@ -1,15 +1,12 @@
 -- States that left the calm of their track, on their way to relations.
 
--- A state with what was known of its track before it. A live track was seen at least at the last frame of its source.
-create or replace function semap.arrival_of(
-  p_state semap.track_state, p_now semap.track_now, p_frame_stamp timestamptz
-) returns semap.arrival
+-- A state with what was known of its track before it.
+create or replace function semap.arrival_of(p_state semap.track_state, p_now semap.track_now) returns semap.arrival
 language sql immutable parallel safe as $$
   select row((p_state).track_id, (p_state).stamp, (p_state).x_m, (p_state).y_m, (p_state).z_m, (p_state).std_m,
              (p_state).heading_rad, (p_state).speed_mps, (p_state).length_m, (p_state).width_m, (p_state).is_last,
              (p_now).source_id, (p_now).map_id, (p_now).cell_m, (p_now).live,
-             greatest((p_now).stamp, case when (p_now).live then p_frame_stamp end),
-             (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp,
+             (p_now).stamp, (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp,
              (p_state).std_across_m, (p_state).std_yaw_rad)::semap.arrival
 $$;
 

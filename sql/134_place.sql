@@ -1,54 +1,76 @@
--- Where tracks are, while track_now is written late (sql/135).
+-- Where tracks are. semap.track_now has what a state is compared with: the safe region of its track, and where it was
+-- when it left the one before. Where a track is within its safe region, its newest chunk says; that is *flushed* to
+-- track_now once for many chunks, and whenever somebody asks for the exact position of all tracks of a source. Readers
+-- ask semap.track_place.
 
--- Write the place of each live track of these sources that has a newer one.
-create or replace function semap.settle_places(p_source_ids integer[]) returns void
+-- The newest state of each track whose position was not flushed.
+create or replace view semap.unflushed_state as
+  select distinct on (n.source_id, s.track_id) n.source_id, s as state
+  from semap.source_count n
+  cross join lateral (
+    select max(from_stamp) as stamp from semap.state_chunk
+    where source_id = n.source_id and track_id is null and from_stamp > n.flushed_stamp
+    group by track_ids) newest
+  join semap.state_chunk c on c.source_id = n.source_id and c.track_id is null and c.from_stamp = newest.stamp
+  cross join lateral semap.states_of(c) s
+  where n.unflushed > 0
+  order by n.source_id, s.track_id, s.stamp desc;
+
+-- Tracks that stay within their safe regions are where the newest of these states says.
+create or replace function semap.place_tracks_at(p_states semap.track_state[]) returns void
+language sql as $$
+  update semap.track_now t
+  set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
+      std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
+      heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
+  from (select distinct on (track_id) * from unnest(p_states) order by track_id, stamp desc) s
+  -- what is set aside as an outlier is no position (sql/131)
+  where t.track_id = s.track_id and s.stamp > t.stamp and s.stamp < t.calm_until
+$$;
+
+-- Write the position of each track of these sources that has a newer one. Whoever calls it keeps their writers out.
+create or replace function semap.flush_positions(p_source_ids integer[]) returns void
 language plpgsql as $$
 declare
-  v_count  semap.source_count;
+  v_source_id  integer;
 begin
-  for v_count in
-    select * from semap.source_count
-    where source_id = any (p_source_ids) and frame_stamp > placed_stamp order by source_id
+  for v_source_id in
+    select source_id from semap.source_count where source_id = any (p_source_ids) and unflushed > 0 order by source_id
   loop
-    update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
-        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
-        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
-    from semap.framed_state s
-    where t.live and t.stamp < v_count.frame_stamp
-      and s.source_id = v_count.source_id and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
-    update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
-        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
-        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
-    from semap.track_state s
-    where t.source_id = v_count.source_id and t.live and t.stamp < v_count.frame_stamp
-      and s.stamp = v_count.frame_stamp and s.track_id = t.track_id;
-    -- a state that was packed meanwhile
-    update semap.track_now t
-    set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
-        std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
-        heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
-    from semap.track_now n
-    cross join lateral semap.state_before(n.track_id, v_count.frame_stamp, v_count.frame_stamp) s
-    where n.source_id = v_count.source_id and n.live and n.stamp < v_count.frame_stamp and t.track_id = n.track_id;
-    update semap.source_count set placed_stamp = frame_stamp where source_id = v_count.source_id;
+    perform semap.place_tracks_at(array(select state from semap.unflushed_state where source_id = v_source_id));
+    update semap.source_count set flushed_stamp = newest_stamp, unflushed = 0 where source_id = v_source_id;
   end loop;
 end $$;
 
 -- Write where all tracks of these maps are.
-create or replace function semap.settle_maps(p_map_ids integer[]) returns void
-language sql as $$ select semap.settle_places(array_agg(source_id)) from semap.source where map_id = any (p_map_ids) $$;
+create or replace function semap.flush_maps(p_map_ids integer[]) returns void
+language sql as $$
+  select semap.flush_positions(array_agg(source_id)) from semap.source where map_id = any (p_map_ids)
+$$;
 
--- Whether places of the tracks of a source may be written late: no query asks for the way between two samples, and no
--- calm is so wide that the gate for outliers could not do without the exact place.
-create or replace function semap.may_place_late(p_source_id integer, p_map_id integer, p_cell_m double precision)
-returns boolean
-language plpgsql stable as $$  -- which keeps its plan
+-- Write the positions of sources that have been silent for so long, so that all of their states can be compacted.
+create or replace function semap.flush_silent_sources(p_silent interval default '10 s') returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source_ids  integer[] := array(
+    select source_id from semap.source_count where unflushed > 0 and received_at < clock_timestamp() - p_silent
+    order by source_id);
 begin
-  return coalesce((select jump_m >= 3 * p_cell_m or jump_m is null from semap.source where source_id = p_source_id), false)
-    and not exists (select from semap.region where map_id = p_map_id and careful and longest_gap is not null);
+  if v_source_ids <> '{}' then
+    perform semap.hold_regions();
+    perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+    perform semap.flush_positions(v_source_ids);
+  end if;
 end $$;
+
+-- Whether what follows from a state that left the safe region of its track needs the exact position before it: a query
+-- asks for the way between two samples, or a safe region may be so wide that the gate for outliers could not do
+-- without.
+create or replace function semap.needs_positions(p_source semap.source, p_cell_m double precision) returns boolean
+language sql stable as $$
+  select coalesce((p_source).jump_m < 3 * p_cell_m, false)
+      or exists (select from semap.region where map_id = (p_source).map_id and careful and longest_gap is not null)
+$$;
 
 -- Count states that came late, and note which tracks began earlier than was known.
 create or replace function semap.note_late(p_source_id integer, p_late semap.arrival[]) returns void
@@ -60,38 +82,29 @@ begin
   where t.track_id = n.track_id and n.stamp < t.first_stamp;
 end $$;
 
--- A gate for outliers that is another one asks how far tracks went, so places are written by then; and whether
--- frames may follow one another is found anew.
+-- A gate for outliers that is another one asks how far tracks went, so positions are written by then.
 create or replace function semap.gate_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  perform semap.settle_places(array[new.source_id]);
-  update semap.source_count set frame_tracks = null, frame_track_ids = null where source_id = new.source_id;
+  perform semap.flush_positions(array[new.source_id]);
   return null;
 end $$;
 
 create or replace trigger gate_changed after update of jump_m, jump_mps on semap.source
   for each row execute function semap.gate_changed();
 
--- Where tracks are, each at the newest place that is known of it: for those who read, where the triggers read track_now.
--- Restricted roles see their own maps.
+-- Where tracks are, each at its newest position; restricted roles see their own maps.
 create or replace view semap.track_place with (security_barrier) as
-  select t.track_id, t.source_id, t.map_id, t.live, t.first_stamp, coalesce(s.stamp, t.stamp) as stamp,
-         case when s.stamp is null then t.x_m else s.x_m end as x_m,
-         case when s.stamp is null then t.y_m else s.y_m end as y_m,
-         case when s.stamp is null then t.z_m else s.z_m end as z_m,
-         case when s.stamp is null then t.std_m else s.std_m end as std_m,
-         case when s.stamp is null then t.std_across_m else s.std_across_m end as std_across_m,
-         case when s.stamp is null then t.std_yaw_rad else s.std_yaw_rad end as std_yaw_rad,
-         case when s.stamp is null then t.heading_rad else s.heading_rad end as heading_rad,
-         case when s.stamp is null then t.speed_mps else s.speed_mps end as speed_mps,
-         case when s.stamp is null then t.length_m else s.length_m end as length_m,
-         case when s.stamp is null then t.width_m else s.width_m end as width_m,
-         t.region_ids, t.careful_ids
+  select t.track_id, t.source_id, t.map_id, t.live, t.first_stamp, p.stamp, p.x_m, p.y_m, p.z_m, p.std_m,
+         p.std_across_m, p.std_yaw_rad, p.heading_rad, p.speed_mps, p.length_m, p.width_m, t.region_ids, t.careful_ids
   from semap.track_now t
-  left join (
-    select s.* from semap.source_count c
-    join semap.framed_state s on s.source_id = c.source_id and s.stamp = c.frame_stamp
-    where c.placed_stamp < c.frame_stamp
-  ) s on s.track_id = t.track_id and s.source_id = t.source_id and s.stamp > t.stamp and t.live
+  left join semap.unflushed_state u
+    on (u.state).track_id = t.track_id and (u.state).stamp > t.stamp and (u.state).stamp < t.calm_until
+  cross join lateral (
+    select t.stamp, t.x_m, t.y_m, t.z_m, t.std_m, t.std_across_m, t.std_yaw_rad, t.heading_rad, t.speed_mps, t.length_m,
+           t.width_m where (u.state).track_id is null
+    union all
+    select (u.state).stamp, (u.state).x_m, (u.state).y_m, (u.state).z_m, (u.state).std_m, (u.state).std_across_m,
+           (u.state).std_yaw_rad, (u.state).heading_rad, (u.state).speed_mps, (u.state).length_m, (u.state).width_m
+    where (u.state).track_id is not null) p
   where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);

@@ -1,172 +1,310 @@
--- New states move their tracks. A state within the calm of its track needs one comparison; only tracks that left theirs
--- are looked up. States at or before the present of their track are late: they are counted, and correct its history
--- (sql/139). A state that is its track's last ends the track after it.
+-- New states move their tracks. They come as a track batch, by semap.add_states: what one source says of many tracks at
+-- one stamp; or as rows of semap.track_state. Both are made chunks (sql/127), which semap.take_states takes. A state
+-- within the safe region of its track needs one comparison; only tracks that left theirs are looked up. States at or
+-- before the present of their track are late: they are counted, and correct its history (sql/139). A state that is its
+-- track's last ends the track after it.
 --
--- Where tracks are is written late, where that saves most of the work: a *frame* is a batch that holds each live track
--- of its source once, all at one stamp. While one large frame follows another, `track_now` is written once a second of
--- event time for tracks that are calm. Meanwhile a live track was seen last at the later one of `track_now.stamp` and
--- `source_count.frame_stamp`. A map with queries about the way between samples, or about pairs, wants all places at once.
+-- Where a track is within its safe region is not written for each batch, but flushed once for many (sql/134): before
+-- states that are not newer than all others of their source, so that track_now alone tells what is late.
 
--- New states move their tracks: relations begin and end at the stamp of the first state that shows it. Presents are in
--- memory, and of many tracks only a few come in a batch: pages are read as they are asked for, since else each batch
--- would read all of track_now.
-create or replace function semap.track_state_inserted() returns trigger
-language plpgsql security definer
-set search_path = public, pg_temp set plan_cache_mode = force_generic_plan set enable_mergejoin = off
-set random_page_cost = 0.5 as $$
+-- Refuse states of a track at one stamp that are more than one, among these and, of tracks of which some are late, the
+-- stored.
+create or replace function semap.refuse_repeated(p_chunks semap.state_chunk[], p_late_ids bigint[]) returns void
+language plpgsql as $$
 declare
-  c_large       constant integer := 200;
-  v_source      semap.source;
-  v_count       semap.source_count;
-  v_source_id   integer;
-  v_map_id      integer;
-  v_cell_m      double precision;
-  v_states      bigint;
-  v_tracks      bigint;
-  v_first       timestamptz;
-  v_last        timestamptz;
-  v_strange     bigint;
-  v_late        bigint := 0;
-  v_appeared    bigint := 0;
-  v_ended       bigint := 0;
-  v_is_whole    boolean;
-  v_is_stale    boolean;
-  v_is_far      boolean;
-  v_is_frame    boolean := false;
-  v_is_careful  boolean;
-  v_arrivals    semap.arrival[];
-  v_passed      semap.arrival[];
-  v_crossings   semap.crossing[];
-  v_in_pairs    boolean;
-  v_late_pairs  semap.arrival[];
+  v_again  record;
 begin
-  select t.source_id, t.map_id, t.cell_m into v_source_id, v_map_id, v_cell_m
-  from (select track_id from new_state limit 1) n join semap.track_now t using (track_id);
-  if current_setting('transaction_isolation') <> 'read committed' then
-    perform semap.require_read_committed();
+  select s.track_id, s.stamp into v_again from (
+    select s.track_id, s.stamp from semap.states_in(p_chunks) s
+    union all
+    select s.track_id, s.stamp
+    from (select min(from_stamp) as first, max(to_stamp) as last from unnest(p_chunks)) w
+    cross join lateral semap.states(p_late_ids, w.first, w.last) s) s
+  group by s.track_id, s.stamp having count(*) > 1 limit 1;
+  if found then
+    raise exception 'There is a state of this track at this stamp already.'
+      using errcode = 'unique_violation', hint = 'Send each state once.',
+            detail = format('Key (stamp, track_id)=(%s, %s) already exists.', v_again.stamp, v_again.track_id);
   end if;
-  perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, v_source_id); -- as in sql/020, in one statement
-  select * into v_count from semap.source_count where source_id = v_source_id;
-  v_count.frame_stamp := coalesce(v_count.frame_stamp, '-infinity');
-  v_in_pairs := exists (select from semap.continuous_query where map_id = v_map_id and in_pairs and enabled);
-  if v_in_pairs then
-    perform from semap.source where source_id = v_source_id for no key update;
-    perform semap.hold_pairs(v_map_id);
-    select array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) into v_late_pairs
-    from semap.pair_progress p join new_state n on n.stamp <= p.through join semap.track_now t using (track_id)
-    where p.map_id = v_map_id and t.source_id = v_source_id;
-  end if;
+end $$;
 
-  select count(*), count(distinct n.track_id), min(n.stamp), max(n.stamp),
+-- Compare states with the safe regions of their tracks: how many they are, of how many tracks, and those that may
+-- change something. Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are
+-- asked for, since else each batch would read all of track_now.
+create or replace function semap.compare_states(
+  p_source_id integer, p_chunks semap.state_chunk[], out states bigint, out tracks bigint, out arrivals semap.arrival[]
+) language plpgsql stable
+set plan_cache_mode = force_generic_plan set enable_mergejoin = off set random_page_cost = 0.5 as $$
+begin
+  -- arrivals as semap.arrival_of makes them, which would make rows of all that is compared
+  select count(*), count(distinct n.track_id),
          array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
-                       n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live,
-                       greatest(t.stamp, case when t.live then v_count.frame_stamp end),
-                       t.x_m, t.y_m, t.z_m, t.region_ids, t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
+                       n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live, t.stamp, t.x_m, t.y_m, t.z_m,
+                       t.region_ids, t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
            n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
            and case when n.z_m is null then t.calm_z_min_m is null
                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
            and (n.std_m <= t.calm_std_m or n.std_m is null)
-           and n.stamp > t.stamp and n.stamp > v_count.frame_stamp and n.stamp < t.calm_until
-           and t.source_id = v_source_id and not n.is_last) is true)
-    into v_states, v_tracks, v_first, v_last, v_arrivals
-  from new_state n left join semap.track_now t using (track_id);
-  if v_states = 0 then
-    return null;
+           and n.stamp > t.stamp and n.stamp < t.calm_until
+           and t.source_id = p_source_id and not n.is_last) is true)
+  into states, tracks, arrivals
+  from semap.states_in(p_chunks) n left join semap.track_now t using (track_id);
+end $$;
+
+-- The states of these tracks after their present.
+create or replace function semap.arrivals_of(p_chunks semap.state_chunk[], p_track_ids bigint[]) returns semap.arrival[]
+language sql stable as $$
+  select array_agg(semap.arrival_of(n, t)) from semap.states_in(p_chunks) n join semap.track_now t using (track_id)
+  where t.track_id = any (p_track_ids) and n.stamp > t.stamp
+$$;
+
+-- Move tracks to these states, which passed the gate: relations begin and end, tracks appear and end.
+create or replace function semap.follow_states(p_map_id integer, p_passed semap.arrival[]) returns void
+language plpgsql as $$
+declare
+  v_crossings  semap.crossing[] := semap.move_tracks(p_passed);
+begin
+  if exists (select from semap.region where map_id = p_map_id and careful) then
+    v_crossings := v_crossings || semap.follow_carefully(p_passed);
   end if;
-
-  v_is_whole := v_first = v_last and v_tracks = v_states;
-  if v_arrivals is not null then
-    select * into v_source from semap.source where source_id = v_source_id;
-    select count(*) filter (where source_id is null or source_id <> v_source_id),
-           count(*) filter (where stamp <= seen_stamp),
-           count(distinct track_id) filter (where not live and stamp > seen_stamp),
-           count(*) filter (where is_last and stamp > seen_stamp),
-           bool_or(outlier_stamp is not null or live and (x_m - from_x_m) ^ 2 + (y_m - from_y_m) ^ 2 > (v_source.jump_m / 2) ^ 2)
-      into v_strange, v_late, v_appeared, v_ended, v_is_far
-    from unnest(v_arrivals);
-    if v_strange > 0 then
-      perform semap.refuse_strange(v_source_id, v_arrivals);
-    end if;
-    if v_late > 0 then
-      perform semap.unfold_sources(array[v_source_id]);
-      perform semap.take_late(v_source, array(select a from unnest(v_arrivals) a where a.stamp <= a.seen_stamp));
-    end if;
-    -- what is needed of places that are not written yet, and of the other states of the same tracks
-    v_is_stale := v_count.frame_stamp > v_count.placed_stamp
-      and (v_appeared > 0 and v_first <= v_count.frame_stamp or v_is_far);
-    if v_is_stale then
-      perform semap.settle_places(array[v_source_id]);
-      v_is_whole := false;
-    end if;
-    if v_appeared > 0 and v_first <= v_count.frame_stamp then
-      update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
-      where source_id = v_source_id returning * into v_count;
-    end if;
-    if v_tracks < v_states or v_is_stale or v_late > 0 then
-      select array_agg(semap.arrival_of(n, t, v_count.frame_stamp)) into v_arrivals
-      from new_state n join semap.track_now t using (track_id)
-      where t.track_id in (select track_id from unnest(v_arrivals))
-        and n.stamp > t.stamp and (n.stamp > v_count.frame_stamp or not t.live);
-    end if;
-    v_passed := v_arrivals;
-    if v_is_far or v_tracks < v_states and semap.any_far_step(v_source, v_arrivals) then
-      v_passed := semap.gated(v_source, v_arrivals);
-      v_is_whole := false;
-    end if;
-
-    v_crossings := semap.move_tracks(v_passed);
-    if exists (select from semap.region where map_id = v_map_id and careful) then
-      v_crossings := v_crossings || semap.follow_carefully(v_passed);
-    end if;
-    perform semap.record_crossings(v_crossings);
-  end if;
-
-  if v_appeared > 0 then
+  perform semap.record_crossings(v_crossings);
+  perform set_config('semap.source_is_held', 'on', true);
+  if exists (select from unnest(p_passed) where not live) then
     update semap.track k set ended_at = null
-    where k.ended_at is not null and k.track_id in (select track_id from unnest(v_passed) where not live);
+    where k.ended_at is not null and k.track_id in (select track_id from unnest(p_passed) where not live);
   end if;
-  if v_ended > 0 then
+  if exists (select from unnest(p_passed) where is_last) then
     update semap.track k set ended_at = a.stamp
-    from unnest(v_passed) a join semap.track_now t using (track_id)
+    from unnest(p_passed) a join semap.track_now t using (track_id)
     where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
   end if;
+  perform set_config('semap.source_is_held', 'off', true);
+end $$;
 
-  if v_is_whole and not v_in_pairs and v_late = 0 and v_states > c_large and v_states = v_count.frame_tracks + v_appeared
-     and v_count.frame_track_ids is null
-     and v_last < v_count.placed_stamp + interval '1 second' and semap.may_place_late(v_source_id, v_map_id, v_cell_m) then
-    update semap.source_count
-    set track_states = track_states + v_states, received_at = clock_timestamp(),
-        frame_stamp = v_last, frame_tracks = v_states - v_ended, frame_track_ids = null
-    where source_id = v_source_id;
-    perform semap.note_newest(v_source_id, v_last);
-    return null;
+-- Store states of a source, and follow those of tracks that left their safe regions. p_is_stale: positions were flushed
+-- since they were compared.
+create or replace function semap.store_states(
+  p_source semap.source, p_chunks semap.state_chunk[], p_found record, p_is_stale boolean
+) returns void
+language plpgsql as $$
+declare
+  v_late      semap.arrival[] := array(select a from unnest(p_found.arrivals) a where a.stamp <= a.seen_stamp);
+  v_arrivals  semap.arrival[] := p_found.arrivals;
+  v_is_many   boolean := p_found.tracks < p_found.states;
+begin
+  if v_is_many or v_late <> '{}' then
+    perform semap.refuse_repeated(p_chunks, array(select track_id from unnest(v_late)));
   end if;
+  insert into semap.state_chunk select * from unnest(p_chunks);
+  if v_late <> '{}' then
+    perform semap.take_late(p_source, v_late);
+  end if;
+  if v_is_many or p_is_stale or v_late <> '{}' then
+    v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from unnest(v_arrivals)));
+  end if;
+  if v_arrivals is null then
+    return;
+  end if;
+  if exists (select from unnest(v_arrivals) where outlier_stamp is not null)
+     or semap.any_far_step(p_source, v_arrivals) then
+    v_arrivals := semap.gated(p_source, v_arrivals);
+  end if;
+  perform semap.follow_states(p_source.map_id, v_arrivals);
+end $$;
 
-  update semap.track_now t
-  set stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m,
-      std_m = n.std_m, std_across_m = n.std_across_m, std_yaw_rad = n.std_yaw_rad,
-      heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m
-  from new_state n
-  where t.track_id = n.track_id and n.stamp > t.stamp and n.stamp > v_count.frame_stamp and n.stamp < t.calm_until
-    and (v_tracks = v_states or (n.track_id, n.stamp) in (select track_id, max(stamp) from new_state group by track_id));
-  if v_is_whole and v_late = 0 and v_states > c_large then
-    -- counted no further than it takes to know, since many tracks may be live that are not in this batch
-    v_is_frame := v_states - v_ended = (
-      select count(*) from (select from semap.track_now where map_id = v_map_id and live and source_id = v_source_id
-                            limit v_states - v_ended + 1) l);
-  end if;
-  insert into semap.source_count as c (source_id, track_states) values (v_source_id, v_states)
+-- Count states of a source that are stored, and write where its tracks are: at once, or once for many batches.
+create or replace function semap.count_states(
+  p_source_id integer, p_chunks semap.state_chunk[], p_states bigint, p_last timestamptz, p_is_at_once boolean
+) returns void
+language plpgsql as $$
+declare
+  c_chunks_each  constant integer := 32;
+  v_unflushed    integer;
+begin
+  insert into semap.source_count as c (source_id, track_states, newest_stamp, flushed_stamp, unflushed)
+  values (p_source_id, p_states, p_last, case when p_is_at_once then p_last else '-infinity' end,
+          case when p_is_at_once then 0 else 1 end)
   on conflict (source_id) do update
-  set track_states = c.track_states + v_states, received_at = clock_timestamp(),
-      frame_stamp = case when v_is_frame then v_last else c.frame_stamp end,
-      placed_stamp = case when v_is_frame then v_last else c.placed_stamp end,
-      frame_tracks = case when v_is_frame then v_states - v_ended end, frame_track_ids = null;
-  if v_late_pairs is not null then
-    perform semap.take_late_pairs(v_map_id, v_late_pairs);
+  set track_states = c.track_states + p_states, received_at = clock_timestamp(),
+      newest_stamp = greatest(c.newest_stamp, p_last),
+      flushed_stamp = case when p_is_at_once then greatest(c.newest_stamp, p_last) else c.flushed_stamp end,
+      unflushed = case when p_is_at_once then 0 else c.unflushed + 1 end
+  returning unflushed into v_unflushed;
+  if p_is_at_once then
+    perform semap.place_tracks_at(array(select s from semap.states_in(p_chunks) s));
+  elsif v_unflushed > c_chunks_each then
+    perform semap.flush_positions(array[p_source_id]);
   end if;
-  perform semap.note_newest(v_source_id, v_last);
+end $$;
+
+-- Take states of one source. p_is_whole: they are all that it has to say of the newest of their stamps.
+create or replace function semap.take_states(p_source_id integer, p_chunks semap.state_chunk[], p_is_whole boolean)
+returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source      semap.source;
+  v_cell_m      double precision;
+  v_count       semap.source_count;
+  v_first       timestamptz;
+  v_last        timestamptz;
+  v_found       record;
+  v_is_at_once  boolean;
+  v_is_stale    boolean := false;
+  v_in_pairs    boolean;
+  v_late_pairs  semap.arrival[];
+begin
+  if current_setting('transaction_isolation') <> 'read committed' then
+    perform semap.require_read_committed();
+  end if;
+  perform pg_advisory_xact_lock_shared(7363, 0), pg_advisory_xact_lock(7364, p_source_id); -- as in sql/020, at once
+  select * into v_count from semap.source_count where source_id = p_source_id;
+  select * into v_source from semap.source where source_id = p_source_id;
+  select cell_m, exists (select from semap.continuous_query q where q.map_id = m.map_id and q.in_pairs and q.enabled)
+  into v_cell_m, v_in_pairs from semap.map m where map_id = v_source.map_id;
+  select min(from_stamp), max(to_stamp) into v_first, v_last from unnest(p_chunks);
+  if v_in_pairs then
+    perform from semap.source where source_id = p_source_id for no key update;
+    perform semap.hold_pairs(v_source.map_id);
+  end if;
+  -- what is not newer than all before, or of many stamps, does not wait: what is not flushed is of the newest stamps
+  v_is_at_once := v_in_pairs or p_chunks[1].track_id is not null or coalesce(v_first <= v_count.newest_stamp, false);
+  if v_is_at_once and v_count.unflushed > 0 then
+    perform semap.flush_positions(array[p_source_id]);
+    v_count.unflushed := 0;
+  end if;
+
+  select * into v_found from semap.compare_states(p_source_id, p_chunks);
+  if v_found.arrivals is not null then
+    if exists (select from unnest(v_found.arrivals) where source_id is distinct from p_source_id) then
+      perform semap.refuse_strange(p_source_id, v_found.arrivals);
+    end if;
+    v_is_stale := v_count.unflushed > 0 and (
+      semap.needs_positions(v_source, v_cell_m) or semap.any_far_step(v_source, v_found.arrivals));
+    if v_is_stale then
+      perform semap.flush_positions(array[p_source_id]);
+    end if;
+  end if;
+  if v_in_pairs then
+    select array_agg(semap.arrival_of(n, t)) into v_late_pairs
+    from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
+    join semap.track_now t using (track_id)
+    where p.map_id = v_source.map_id;
+  end if;
+  perform semap.store_states(v_source, p_chunks, v_found, v_is_stale);
+  perform semap.count_states(p_source_id, p_chunks, v_found.states, v_last, v_is_at_once);
+  if v_late_pairs is not null then
+    perform semap.take_late_pairs(v_source.map_id, v_late_pairs);
+  end if;
+  perform semap.note_newest(p_source_id, v_last, p_is_whole);
+end $$;
+
+-- Take what one source says of many tracks at one stamp: a value for each of these tracks, or null in place of an array
+-- of which nothing is known. All that the source has to say of that stamp is in it.
+create or replace function semap.add_states(
+  source_id integer, stamp timestamptz, track_ids bigint[], x_m double precision[], y_m double precision[],
+  z_m double precision[] default null, std_m real[] default null, is_last boolean[] default null,
+  heading_rad real[] default null, speed_mps real[] default null, length_m real[] default null,
+  width_m real[] default null, std_across_m real[] default null, std_yaw_rad real[] default null
+) returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_chunk  constant semap.state_chunk := semap.new_chunk(
+    source_id => source_id, from_stamp => stamp, to_stamp => stamp, track_ids => track_ids, x_m => x_m, y_m => y_m,
+    z_m => z_m, std_m => std_m, is_last => is_last, heading_rad => heading_rad, speed_mps => speed_mps,
+    length_m => length_m, width_m => width_m, std_across_m => std_across_m, std_yaw_rad => std_yaw_rad);
+begin
+  if not exists (select from semap.source s where s.source_id = add_states.source_id) then
+    raise exception 'There is no source %.', source_id
+      using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
+  elsif num_nulls(stamp, track_ids, x_m, y_m) > 0 then
+    raise exception 'A batch of states needs a stamp, track_ids, x_m and y_m.'
+      using errcode = 'not_null_violation', hint = 'Give these; of all else null may be said.';
+  elsif v_chunk.states <> cardinality(track_ids) or v_chunk.states <> any (array[
+       cardinality(y_m), cardinality(z_m), cardinality(std_m), cardinality(is_last), cardinality(heading_rad),
+       cardinality(speed_mps), cardinality(length_m), cardinality(width_m), cardinality(std_across_m),
+       cardinality(std_yaw_rad)]) then
+    raise exception 'The arrays of a batch of states differ in length.'
+      using errcode = 'array_subscript_error',
+            hint = 'Give each a value for each of track_ids, or null in place of the array.';
+  elsif v_chunk.states = 0 then
+    return;
+  end if;
+  -- what no state may say is refused by the constraints of rows, which would be parsed anew for each batch
+  if (stamp between '1800-01-01Z' and '9999-01-01Z' and array_position(track_ids, null) is null
+      and -1e7 <= all (x_m) and 1e7 >= all (x_m) and -1e7 <= all (y_m) and 1e7 >= all (y_m)
+      and coalesce(-1e7 <= all (z_m) and 1e7 >= all (z_m), true)
+      and coalesce(-7 <= all (heading_rad) and 7 >= all (heading_rad), true)
+      and coalesce(0 <= all (speed_mps) and 1e4 >= all (speed_mps), true)
+      and coalesce(0 < all (length_m) and 1e4 >= all (length_m), true)
+      and coalesce(0 < all (width_m) and 1e4 >= all (width_m), true)
+      and (std_across_m is null and std_yaw_rad is null or not exists (
+        select from semap.states_of(v_chunk) s
+        where case when s.std_across_m is null then s.std_yaw_rad is null
+                   else s.std_across_m between 0 and s.std_m and s.std_m < 1e15 and abs(s.std_yaw_rad) <= 7
+                   end is not true))) is not true then
+    insert into semap.track_state select * from semap.states_of(v_chunk);
+    perform semap.note_newest(source_id, stamp, true);
+    return;
+  end if;
+  perform semap.take_states(source_id, array[v_chunk], true);
+end $$;
+
+-- Rows of states become chunks of one stamp each, or of one track each where there are more stamps than tracks.
+create or replace function semap.track_state_inserted() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source_id  integer;
+  v_chunks     semap.state_chunk[];
+begin
+  select source_id into v_source_id
+  from (select track_id from new_state limit 1) n join semap.track_now using (track_id);
+  select array_agg(c) into v_chunks from (
+    select semap.new_chunk(
+      source_id => v_source_id, from_stamp => stamp, to_stamp => stamp, track_ids => array_agg(track_id),
+      x_m => array_agg(x_m), y_m => array_agg(y_m), z_m => case when count(z_m) > 0 then array_agg(z_m) end,
+      std_m => case when count(std_m) > 0 then array_agg(std_m) end,
+      is_last => case when bool_or(is_last) then array_agg(is_last) end,
+      heading_rad => case when count(heading_rad) > 0 then array_agg(heading_rad) end,
+      speed_mps => case when count(speed_mps) > 0 then array_agg(speed_mps) end,
+      length_m => case when count(length_m) > 0 then array_agg(length_m) end,
+      width_m => case when count(width_m) > 0 then array_agg(width_m) end,
+      std_across_m => case when count(std_across_m) > 0 then array_agg(std_across_m) end,
+      std_yaw_rad => case when count(std_yaw_rad) > 0 then array_agg(std_yaw_rad) end) as c
+    from new_state group by stamp) chunk;
+  if cardinality(v_chunks) > 1 and cardinality(v_chunks) > (select count(distinct track_id) from new_state) then
+    v_chunks := array(
+      select c
+      from (select array_agg(c order by from_stamp) as chunks from (
+              select c, from_stamp, half_hour,
+                     (row_number() over (partition by half_hour order by from_stamp) - 1) / 240 as part
+              from unnest(v_chunks) c cross join lateral semap.half_hour(c.from_stamp) half_hour) n
+            group by half_hour, part) g
+      cross join lateral semap.chunks_of_tracks(g.chunks) c);
+  end if;
+  if v_chunks is not null then
+    perform semap.take_states(v_source_id, v_chunks, false);
+  end if;
   return null;
 end $$;
 
 create or replace trigger track_state_inserted after insert on semap.track_state
   referencing new table as new_state for each statement execute function semap.track_state_inserted();
+
+-- Throw away what rows that became chunks have left, before new ones come, where there is much of it and nobody writes.
+create or replace function semap.empty_inbox() returns trigger
+language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
+begin
+  if pg_relation_size('semap.track_state_inbox') > 64 << 20 then
+    begin
+      lock table semap.track_state_inbox in access exclusive mode nowait;
+      truncate semap.track_state_inbox;
+    exception when lock_not_available then
+      null;
+    end;
+  end if;
+  return null;
+end $$;
+
+create or replace trigger empty_inbox before insert on semap.track_state
+  for each statement execute function semap.empty_inbox();
+

@@ -37,7 +37,7 @@ begin
     return;
   end if;
   perform semap.rechoose_in_pairs(p_track_ids, array(select track_id from unnest(v_gained)) || p_renewed_ids);
-  perform semap.settle_places(v_source_ids);
+  perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
                    order by c.track_id, c.region_id) into v_crossings

@@ -2,8 +2,9 @@
 -- known to be the same. From then on the other source alone writes its states. Its relations hold meanwhile, since
 -- nothing is known to have ended.
 
--- A track that goes on at another source. Both sources write their places at once, make rows of their frames, and know anew what a
--- whole frame of theirs is. Which queries are about it now is said after this (semap.track_described).
+-- A track that goes on at another source. Its states up to then get chunks of their own, since nobody looks for them
+-- among those of another source than its own. Which queries are about it now is said after this
+-- (semap.track_described).
 create or replace function semap.track_handed_over() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
@@ -13,9 +14,7 @@ begin
       using errcode = 'integrity_constraint_violation', hint = 'Hand it to a source of the same map.';
   end if;
   if new.source_id <> old.source_id then
-    perform semap.unfold_sources(array[old.source_id, new.source_id]);
-    update semap.source_count set frame_stamp = '-infinity', placed_stamp = '-infinity', frame_tracks = null, frame_track_ids = null
-    where source_id in (old.source_id, new.source_id);
+    perform semap.compact_all(array[old.source_id]);
     update semap.track_now set source_id = new.source_id where track_id = new.track_id;
   end if;
   return null;
@@ -25,8 +24,8 @@ create or replace trigger track_handed_over after update on semap.track
   for each row when ((new.source_id, new.map_id) is distinct from (old.source_id, old.map_id))
   execute function semap.track_handed_over();
 
--- Hand tracks to another source of their map, in a transaction of its own: whoever holds a source already might wait for
--- one who hands tracks the other way. Writers of sources that are not concerned go on meanwhile.
+-- Hand tracks to another source of their map, in a transaction of its own: whoever holds a source already might wait
+-- for one who hands tracks the other way. Writers of sources that are not concerned go on meanwhile.
 create or replace function semap.hand_over_tracks(p_track_ids bigint[], p_source_id integer) returns void
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -37,7 +36,8 @@ begin
       using errcode = 'invalid_transaction_state', hint = 'Commit what was written before, then hand them over.';
   end if;
   perform semap.hold_regions();
-  v_source_ids := array(select source_id from semap.track where track_id = any (p_track_ids) union select p_source_id order by 1);
+  v_source_ids := array(
+    select source_id from semap.track where track_id = any (p_track_ids) union select p_source_id order by 1);
   perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
   if exists (select from semap.track where track_id = any (p_track_ids) and source_id <> all (v_source_ids)) then
     raise exception 'Some of these tracks were just handed to another source.'

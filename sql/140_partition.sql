@@ -1,7 +1,7 @@
--- Make the partitions of track_state and line_observation for these days (UTC) ahead of their rows. A day that has
+-- Make the partitions of state_chunk and line_observation for these days (UTC) ahead of their rows. A day that has
 -- rows in a default partition stays there, and so do all where there are more than 400 days. A partition is made on
 -- its own and then attached, so that writers and readers of other days go on meanwhile. Attaching locks the default
--- partition of its table: whoever locks both tables takes track_state first.
+-- partition of its table: whoever locks both tables takes state_chunk first.
 create or replace function semap.ensure_partitions(p_days date[]) returns void
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
@@ -16,7 +16,7 @@ begin
   perform pg_advisory_xact_lock(7365, 0);
   foreach v_day in array p_days loop
     v_from := v_day::timestamp at time zone 'UTC';
-    foreach v_table in array array['track_state', 'line_observation'] loop
+    foreach v_table in array array['state_chunk', 'line_observation'] loop
       v_name := v_table || '_' || to_char(v_day, 'YYYYMMDD');
       continue when to_regclass('semap.' || v_name) is not null;
       begin

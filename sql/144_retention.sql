@@ -1,8 +1,8 @@
--- What has grown old, by event time and by semap.retention. Each of these is one short step, in a transaction of its own,
--- that semap.store.operate.maintenance takes again and again; none does what the settings do not say, whoever calls it.
--- What is dropped goes by whole days (UTC).
--- A partition is dropped as it is: to detach it before, without waiting for all who use its table, is not possible where
--- there is a default partition. Whoever drops waits only shortly for a lock, and tries again.
+-- What has grown old, by event time and by semap.retention. Each of these is one short step, in a transaction of its
+-- own, that semap.store.operate.maintenance takes again and again; none does what the settings do not say, whoever calls it.
+-- What is dropped goes by whole days (UTC). A partition is dropped as it is: to detach it before, without waiting for
+-- all who use its table, is not possible where there is a default partition. Whoever drops waits only shortly for a
+-- lock, and tries again.
 
 -- The start of the oldest day of a kind that is kept; null where all is kept.
 create or replace function semap.kept_since(p_kind text) returns timestamptz
@@ -11,14 +11,7 @@ language sql stable as $$
   from semap.retention where kind = p_kind
 $$;
 
--- The start of the oldest day whose states are not packed; null where none is to be packed.
-create or replace function semap.rows_since() returns timestamptz
-language sql stable as $$
-  select date_trunc('day', (clock_timestamp() - pack_after) at time zone 'UTC') at time zone 'UTC'
-  from semap.retention where kind = 'states'
-$$;
-
--- The partitions of track_state and line_observation that are of one day, with when they were made.
+-- The partitions of state_chunk and line_observation that are of one day, with when they were made.
 create or replace function semap.day_partitions()
 returns table (of_table text, day date, partition regclass, made_at timestamptz)
 language sql stable set search_path = pg_catalog, pg_temp as $$
@@ -27,7 +20,7 @@ language sql stable set search_path = pg_catalog, pg_temp as $$
   from pg_inherits i
   join pg_class p on p.oid = i.inhparent
   join pg_class c on c.oid = i.inhrelid
-  where p.oid in ('semap.track_state'::regclass, 'semap.line_observation'::regclass)
+  where p.oid in ('semap.state_chunk'::regclass, 'semap.line_observation'::regclass)
     and c.relname ~ ('^' || p.relname || '_[0-9]{8}$')
 $$;
 
@@ -43,7 +36,7 @@ $$;
 create or replace function semap.drop_day(p_table text, p_day date) returns boolean
 language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
 declare
-  v_kind       text := case p_table when 'track_state' then 'states' else 'lines' end;
+  v_kind       text := case p_table when 'state_chunk' then 'states' else 'lines' end;
   v_partition  record;
   v_is_used    boolean := false;
 begin
@@ -65,30 +58,6 @@ begin
   return not v_is_used;
 end $$;
 
--- Give the partition of a past day its key where it has none; says whether it did. Of states of a track at one stamp,
--- which nobody could refuse without a key, the first stays.
-create or replace function semap.key_day(p_day date) returns boolean
-language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
-declare
-  v_partition  regclass;
-begin
-  select d.partition into v_partition from semap.day_partitions() d
-  where d.of_table = 'track_state' and d.day = p_day and p_day < (clock_timestamp() at time zone 'UTC')::date
-    and not exists (select from pg_index x where x.indrelid = d.partition and x.indisprimary);
-  if v_partition is null then
-    return false;
-  end if;
-  begin
-    execute format('alter table %s add primary key (stamp, track_id)', v_partition);
-  exception when unique_violation then
-    execute format('delete from %1$s s using (select stamp, track_id, min(ctid) as first from %1$s'
-                   '                         group by stamp, track_id having count(*) > 1) d'
-                   ' where s.stamp = d.stamp and s.track_id = d.track_id and s.ctid <> d.first', v_partition);
-    execute format('alter table %s add primary key (stamp, track_id)', v_partition);
-  end;
-  return true;
-end $$;
-
 -- Delete at most so many rows of a kind that are not to be kept, and say how many there were; of states and lines those
 -- that lie in no partition of their day, and packed ones, each of which counts as one row. Changes that rules may not
 -- have read for good stay: the worker gives those of its last minutes to the rules again where its slot was lost.
@@ -105,14 +74,9 @@ begin
   end if;
   case p_kind
     when 'states' then
-      delete from semap.track_state_packed where ctid = any (array(
-        select ctid from semap.track_state_packed where from_stamp < v_before limit p_most));
+      delete from semap.state_chunk_default where ctid = any (array(
+        select ctid from semap.state_chunk_default where from_stamp < v_before limit p_most));
       get diagnostics v_rows = row_count;
-      if v_rows = 0 then
-        delete from semap.track_state_default where ctid = any (array(
-          select ctid from semap.track_state_default where stamp < v_before limit p_most));
-        get diagnostics v_rows = row_count;
-      end if;
     when 'lines' then
       delete from semap.line_observation_default where ctid = any (array(
         select ctid from semap.line_observation_default where stamp < v_before limit p_most));

@@ -62,28 +62,6 @@ language sql stable as $$
   where p.map_id = p_map_id
 $$;
 
--- The states of these tracks after a moment, up to another one, be they rows or packed.
-create or replace function semap.states_between(p_track_ids bigint[], p_after timestamptz, p_to timestamptz)
-returns setof semap.track_state
-language plpgsql stable rows 1000 set plan_cache_mode = force_generic_plan as $$
-begin
-  if exists (select from semap.track_state_packed where from_stamp > p_after - interval '30 min'
-             and from_stamp <= p_to) then
-    return query
-      select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps, s.length_m,
-             s.width_m,
-             s.std_across_m, s.std_yaw_rad
-      from unnest(p_track_ids) id join semap.stored_state s on s.track_id = id
-      where s.stamp > p_after and s.stamp <= p_to
-        and s.from_stamp > p_after - interval '30 min' and s.from_stamp <= p_to and s.to_stamp > p_after;
-    return;
-  end if;
-  return query
-    select s.* from unnest(p_track_ids) id
-    cross join lateral (
-      select * from semap.track_state t where t.track_id = id and t.stamp > p_after and t.stamp <= p_to offset 0) s;
-end $$;
-
 -- What the tracks of a map did after a moment up to which its pairs are followed, up to another one: states that pass
 -- the gate for outliers, and ends.
 create or replace function semap.states_to_follow(p_map_id integer, p_after timestamptz, p_to timestamptz)
@@ -97,7 +75,7 @@ declare
 begin
   select array_agg(track_id) into v_ids from semap.track_now where map_id = p_map_id and stamp > p_after;
   with stated as materialized (
-    select * from semap.states_between(v_ids, p_after, p_to)
+    select * from semap.states(v_ids, p_after, p_to) s where s.stamp > p_after
   ), ended as materialized (
     select * from semap.track_end e where e.track_id = any (v_ids) and e.stamp > p_after and e.stamp <= p_to
   )
@@ -221,7 +199,7 @@ begin
   end if;
   insert into semap.pair_progress as p (map_id, through) values (p_map_id, c_complete)
   on conflict (map_id) do update set through = excluded.through;
-  perform semap.unfold_sources(array_agg(source_id order by source_id)) from semap.source where map_id = p_map_id;
+  perform semap.flush_positions(array_agg(source_id order by source_id)) from semap.source where map_id = p_map_id;
   delete from semap.followed_state where map_id = p_map_id;
   perform semap.keep_followed(p_map_id, array_agg(s.track_id), array_agg(s))
     from semap.tracks_at(p_map_id, c_complete) s;

@@ -200,7 +200,7 @@ declare
   v_source_ids  integer[] := array(select source_id from old_source);
 begin
   if v_source_ids <> '{}' then
-    lock table semap.track_state, semap.line_observation in row exclusive mode; -- in the order of ensure_partitions
+    lock table semap.state_chunk, semap.line_observation in row exclusive mode; -- in the order of ensure_partitions
     delete from semap.line_observation where source_id = any (v_source_ids);
   end if;
   return null;

@@ -177,7 +177,7 @@ begin
     return false;
   end if;
   select public.st_makepoint(s.x_m, s.y_m) into v_before
-  from semap.state_before(p_subject.id, p_subject.stamp - interval '1 microsecond') s;
+  from semap.states_around(p_subject.id, p_subject.stamp, 1, 0) s;
   return public.st_intersects(public.st_makeline(v_before, public.st_makepoint(p_subject.x_m, p_subject.y_m)),
                               p_object.footprint);
 end $$;

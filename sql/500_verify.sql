@@ -9,19 +9,8 @@ create or replace function semap.present_places(p_map_id integer) returns table 
   x_m double precision, y_m double precision, z_m double precision, std_m real, std_across_m real, std_yaw_rad real
 )
 language sql stable as $$
-  select t.track_id, t.source_id, t.live, coalesce(s.stamp, t.stamp),
-         case when s.stamp is null then t.x_m else s.x_m end, case when s.stamp is null then t.y_m else s.y_m end,
-         case when s.stamp is null then t.z_m else s.z_m end, case when s.stamp is null then t.std_m else s.std_m end,
-         case when s.stamp is null then t.std_across_m else s.std_across_m end,
-         case when s.stamp is null then t.std_yaw_rad else s.std_yaw_rad end
-  from semap.track_now t
-  left join semap.source_count c on c.source_id = t.source_id and c.frame_stamp > c.placed_stamp
-  left join lateral (
-    select * from semap.stored_state s
-    where t.live and t.stamp < c.frame_stamp and s.track_id = t.track_id and s.stamp = c.frame_stamp
-      and s.from_stamp > c.frame_stamp - interval '30 min' and s.from_stamp <= c.frame_stamp and s.to_stamp >= c.frame_stamp
-    limit 1) s on true
-  where t.map_id = p_map_id
+  select track_id, source_id, live, stamp, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad
+  from semap.track_place where map_id = p_map_id
 $$;
 
 -- Regions against what the queries and the map ask for.
@@ -96,9 +85,8 @@ create or replace function semap.newest_states(p_track_ids bigint[], p_since tim
 language sql stable as $$
   select distinct on (s.track_id) s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m,
          s.heading_rad, s.speed_mps, s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
-  from semap.stored_state s join semap.track_now t using (track_id)
-  where t.track_id = any (p_track_ids) and s.stamp is distinct from t.outlier_stamp
-    and s.stamp >= p_since and s.from_stamp > p_since - interval '30 min' and s.to_stamp >= p_since
+  from semap.states(p_track_ids, p_since, 'infinity') s join semap.track_now t using (track_id)
+  where s.stamp is distinct from t.outlier_stamp
   order by s.track_id, s.stamp desc
 $$;
 

@@ -87,7 +87,7 @@ begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   for v_now in
     select a.* from unnest((semap.arrivals_again(
-      v_source, array(select s from semap.states_between(array[p_now.track_id], v_from - interval '1 us', p_to) s),
+      v_source, array(select s from semap.states(array[p_now.track_id], v_from, p_to) s),
       p_now, v_from = p_now.first_stamp,
       array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id
             and e.stamp between v_from and p_to),

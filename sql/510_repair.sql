@@ -7,7 +7,7 @@ language plpgsql as $$
 declare
   v_ids  bigint[];
 begin
-  perform semap.settle_maps(array[p_map_id]);
+  perform semap.flush_maps(array[p_map_id]);
   select array_agg(distinct track_id) into v_ids from semap.present_differences(p_map_id);
   if v_ids is null then
     return;
@@ -25,8 +25,6 @@ begin
       heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
   from semap.track k left join semap.newest_states(v_ids, '-infinity') s using (track_id)
   where k.track_id = any (v_ids) and t.track_id = k.track_id;
-  update semap.source_count set frame_tracks = null, frame_track_ids = null
-  where source_id in (select source_id from semap.track where track_id = any (v_ids));
 end $$;
 
 -- Write the regions of a map anew where they are not what the queries and the map ask for, and the cells and edges of

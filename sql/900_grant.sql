@@ -38,19 +38,19 @@ end $$;
 grant execute on function semap.keep_condition to semap_compile;
 
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.track_state_frame, semap.line_observation,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation,
   semap.object_state,
   semap.track_amendment
 to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
-grant execute on function semap.ensure_partitions, semap.hand_over_tracks to semap_ingest;
+grant execute on function semap.ensure_partitions, semap.add_states, semap.hand_over_tracks to semap_ingest;
 
-grant execute on function semap.unfold_frames, semap.settle_silent_sources, semap.complete_silent_sources,
+grant execute on function semap.compact_states, semap.flush_silent_sources, semap.complete_silent_sources,
   semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
 grant execute on function
-  semap.ensure_partitions, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
+  semap.ensure_partitions, semap.drop_day, semap.drop_rows
 to semap_worker;
 grant update (idle) on semap.source to semap_worker;
 grant update (alive_at) on semap.progress to semap_worker;

@@ -3,8 +3,8 @@
 -- semap.visible_maps(), and without any they see nothing. All others see every row.
 
 -- Which maps are a caller's own is asked once for a statement; a table without map_id follows its parent, whose rows
--- the caller sees or does not. track_state has no row-level security, since PostgreSQL takes no COPY into a table that
--- has: restricted roles cannot read it, but semap.track_state_seen (sql/305).
+-- the caller sees or does not. Restricted roles cannot read the tables of
+-- states, but ask semap.states.
 do $$
 declare
   c_all  constant text := 'semap_read, semap_ingest, semap_worker, semap_api, semap_admin';
@@ -51,7 +51,7 @@ begin
     ' semap.map, semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri,'
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
-    ' semap.recording, semap.track, semap.track_now, semap.track_state_seen, semap.track_amendment,'
+    ' semap.recording, semap.track, semap.track_now, semap.track_amendment,'
     ' semap.continuous_query, semap.condition, semap.region, semap.relation, semap.relation_change,'
     ' semap.relation_past, semap.verge,'
     ' semap.query_track, semap.pair, semap.pair_form, semap.pair_instance, semap.followed_state, semap.pair_progress,'
@@ -84,7 +84,7 @@ grant insert, update, delete on
   semap.instance, semap.door_room, semap.continuous_query, semap.rule
 to semap_admin;
 grant insert on
-  semap.source, semap.recording, semap.track, semap.track_state, semap.track_state_frame, semap.line_observation,
+  semap.source, semap.recording, semap.track, semap.track_state, semap.line_observation,
   semap.object_state,
   semap.track_amendment
 to semap_admin;
@@ -92,9 +92,9 @@ grant update (watermark, lateness, ended) on semap.source to semap_admin;
 grant update (states_done, finished_at) on semap.recording to semap_admin;
 grant update (ended_at) on semap.track to semap_admin;
 grant execute on function
-  semap.ensure_partitions, semap.undo_change_set, semap.pack_states, semap.drop_day, semap.key_day, semap.drop_rows
+  semap.ensure_partitions, semap.add_states, semap.undo_change_set, semap.drop_day, semap.drop_rows
 to semap_admin;
-grant update (pack_after, drop_after) on semap.retention to semap_admin;
+grant update (drop_after) on semap.retention to semap_admin;
 
 -- A writer of some maps: as semap_api, but no maps are made, and no concepts, which all maps share.
 grant delete, update (name) on semap.map to semap_api_map;

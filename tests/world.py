@@ -199,22 +199,21 @@ class World:
         """A source that says no watermark has given all states of its newest stamp."""
         self.run("update semap.source set newest_is_whole = true where source_id = %s", source_id)
 
-    def add_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
-        """A frame, after which its source has given all up to it."""
-        self.insert_frame(states, source_id)
+    def add_batch(self, states: Sequence[State], source_id: int | None = None) -> None:
+        """A track batch, after which its source has given all up to it."""
+        self.send_batch(states, source_id)
         self.say(source_id or self.source_id, states[0][1])
 
-    def insert_frame(self, states: Sequence[State], source_id: int | None = None) -> None:
-        """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a frame."""
+    def send_batch(self, states: Sequence[State], source_id: int | None = None) -> None:
+        """Track id, stamp [us], x, y, z [m] of all tracks of a source at one stamp, as a track batch."""
         (stamp_us,) = {stamp_us for _, stamp_us, *_ in states}
         track_ids, xs_m, ys_m, zs_m = zip(
             *((each[0], *each[2:5]) for each in sorted(states, key=lambda state: state[0])), strict=True
         )
         self.run(
-            "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, z_m)"
-            " values (%s, %s, %s, %s, %s, %s)",
-            to_datetime(stamp_us),
+            "select semap.add_states(%s, %s, %s, %s, %s, %s)",
             source_id or self.source_id,
+            to_datetime(stamp_us),
             list(track_ids),
             [float(x_m) for x_m in xs_m],
             [float(y_m) for y_m in ys_m],

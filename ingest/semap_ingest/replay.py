@@ -31,7 +31,7 @@ from semap.store.motion.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.standing import Plan, Standing, look_up, stored_already, track_uid
 from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, copy_rows, pack_states
-from semap_ingest.state_frame import insert_frame, pack_frame
+from semap_ingest.track_batch import pack_batch, send_batch
 from semap_ingest.track_file import REACH_M, Tracks
 
 __all__ = ["Plan", "Replayed", "in_map_frame", "replay", "track_uid"]
@@ -268,8 +268,8 @@ def _writer(
     ellipse = None if np.isnan(across_m).all() else (across_m, yaw_rad)
     if is_frame:
         source_id, one_us = registered.source_id, int(stamp_us[0])
-        frame = pack_frame(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
-        return partial(insert_frame, row=frame)
+        batch = pack_batch(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
+        return partial(send_batch, batch=batch)
     data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, ellipse=ellipse)
     return partial(copy_rows, COPY_ELLIPSES if ellipse else COPY_STATES, data=data)
 

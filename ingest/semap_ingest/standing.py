@@ -32,14 +32,11 @@ FIND_STORED = """
       join semap.track k on k.source_id = %(source)s and k.name = f.name
       join semap.track_now t using (track_id)
       left join semap.source_count c on c.source_id = k.source_id
-      where f.stamp between t.first_stamp and greatest(t.stamp, t.outlier_stamp, c.frame_stamp)
+      where f.stamp between t.first_stamp and greatest(t.stamp, t.outlier_stamp, c.newest_stamp)
     )
     select k.name, s.stamp
-    from semap.stored_state s join new n using (track_id, stamp) join semap.track k using (track_id)
-    where s.track_id = any (array(select distinct track_id from new))
-      and s.stamp >= %(first)s and s.stamp <= %(last)s
-      and s.from_stamp > %(first)s - interval '30 min' and s.from_stamp <= %(last)s
-      and s.to_stamp >= %(first)s
+    from semap.states(array(select distinct track_id from new), %(first)s, %(last)s) s
+    join new n using (track_id, stamp) join semap.track k using (track_id)
     order by s.stamp, k.name limit 1
 """
 

@@ -28,17 +28,16 @@ create table semap.source_count (
   lines            bigint not null default 0,
   object_states    bigint not null default 0,
   received_at      timestamptz not null default clock_timestamp(),
-  -- of the newest batch that held every live track of its source once, at one stamp
-  frame_stamp      timestamptz not null default '-infinity',
-  frame_tracks     integer,
-  placed_stamp     timestamptz not null default '-infinity',
-  frame_track_ids  bigint[]
+  newest_stamp     timestamptz not null default '-infinity',
+  flushed_stamp    timestamptz not null default '-infinity',
+  unflushed        integer not null default 0
 ) with (fillfactor = 50);
-alter table semap.source_count alter column frame_track_ids set storage external;
 comment on table semap.source_count is
   'What each source has brought in. Beside the source, whose changes all go to the rule worker.';
-comment on column semap.source_count.frame_track_ids is
-  'The tracks of the last frame, each live one of the source once; null where that is not known.';
+comment on column semap.source_count.newest_stamp is 'The newest stamp of any state of its tracks.';
+comment on column semap.source_count.flushed_stamp is
+  'Up to which stamp the positions of its tracks are in track_now; later ones are in its newest chunks.';
+comment on column semap.source_count.unflushed is 'How many chunks came since positions were flushed.';
 
 create table semap.recording (
   recording_id  integer generated always as identity primary key,

@@ -1,4 +1,4 @@
--- States: of tracks as rows, as they came together, packed and now; of lines; of objects.
+-- States: of tracks as they are written, as they are stored, and now; of lines; of objects.
 create table semap.track_state (
   track_id      bigint not null,
   stamp         timestamptz not null,
@@ -13,7 +13,6 @@ create table semap.track_state (
   width_m       real,
   std_across_m  real,
   std_yaw_rad   real,
-  primary key (stamp, track_id),
   constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
   constraint state_is_finite check (abs(x_m) <= 1e7 and abs(y_m) <= 1e7 and abs(z_m) <= 1e7),
   constraint extent_is_finite check (
@@ -24,7 +23,10 @@ create table semap.track_state (
          else std_across_m between 0 and std_m and std_m < 1e15 and abs(std_yaw_rad) <= 7
          end is true)
 ) partition by range (stamp);
-create table semap.track_state_default partition of semap.track_state default;
+-- What rows that became chunks leave here is thrown away (sql/135).
+create unlogged table semap.track_state_inbox partition of semap.track_state default with (autovacuum_enabled = off);
+comment on table semap.track_state is
+  'A state of a track, as it is written. It is stored in semap.state_chunk at once, and read by semap.states.';
 comment on column semap.track_state.std_m is
   'Standard deviation of the position: of all directions, or along the longer axis of its error ellipse.';
 comment on column semap.track_state.std_across_m is
@@ -32,52 +34,17 @@ comment on column semap.track_state.std_across_m is
 comment on column semap.track_state.std_yaw_rad is
   'Where the longer axis of the error ellipse points, in the map frame, from x towards y.';
 
--- What is kept here becomes rows of track_state soon, so it is never much. Long arrays lie beside their row as
--- they came; constraints of values are with the trigger (sql/146), which is the only way in.
-create table semap.track_state_frame (
-  stamp         timestamptz not null,
+-- States within one half hour of the clock: of many tracks at one stamp, as they come, or of one track, once compacted.
+create table semap.state_chunk (
   source_id     integer not null,
-  track_ids     bigint[] not null,
-  x_m           double precision[] not null,
-  y_m           double precision[] not null,
-  z_m           double precision[],
-  std_m         real[],
-  heading_rad   real[],
-  speed_mps     real[],
-  length_m      real[],
-  width_m       real[],
-  std_across_m  real[],
-  std_yaw_rad   real[],
-  primary key (stamp, source_id)
-) with (autovacuum_vacuum_scale_factor = 0, autovacuum_vacuum_threshold = 2000,
-        toast.autovacuum_vacuum_scale_factor = 0, toast.autovacuum_vacuum_threshold = 20000);
-alter table semap.track_state_frame
-  alter column track_ids set storage external,
-  alter column x_m set storage external,
-  alter column y_m set storage external,
-  alter column z_m set storage external,
-  alter column std_m set storage external,
-  alter column heading_rad set storage external,
-  alter column speed_mps set storage external,
-  alter column length_m set storage external,
-  alter column width_m set storage external,
-  alter column std_across_m set storage external,
-  alter column std_yaw_rad set storage external;
-
-create table semap.track_state_packed (
-  track_id      bigint not null,
+  track_id      bigint,
   from_stamp    timestamptz not null,
   to_stamp      timestamptz not null,
-  states        integer not null check (states > 0),
-  span_us       integer not null,
-  off_high      smallint[] not null,
-  off_low       smallint[] not null,
-  x_high        smallint[] not null,
-  x_middle      smallint[] not null,
-  x_low         integer[] not null,
-  y_high        smallint[] not null,
-  y_middle      smallint[] not null,
-  y_low         integer[] not null,
+  states        integer not null,
+  track_ids     bigint[],
+  offsets_us    integer[],
+  x_m           double precision[] not null,
+  y_m           double precision[] not null,
   z_m           double precision[],
   std_m         real[],
   is_last       boolean[],
@@ -87,30 +54,29 @@ create table semap.track_state_packed (
   width_m       real[],
   std_across_m  real[],
   std_yaw_rad   real[],
-  primary key (track_id, from_stamp)
-) with (toast_tuple_target = 1000, autovacuum_vacuum_scale_factor = 0.05);
--- What is read is a stretch of time: a row that has states in it begins less than half an hour before.
-create index track_state_packed_stamp on semap.track_state_packed (from_stamp, to_stamp);
+  constraint tracks_are_named_once check (num_nonnulls(track_id, track_ids) = 1)
+) partition by range (from_stamp);
 -- A server that was built without lz4 keeps what it has.
 do $$
 declare
   v_column  name;
 begin
   for v_column in
-    select attname from pg_attribute
-    where attrelid = 'semap.track_state_packed'::regclass and attnum > 0 and attndims > 0
+    select attname from pg_attribute where attrelid = 'semap.state_chunk'::regclass and attnum > 0 and attndims > 0
   loop
-    execute format('alter table semap.track_state_packed alter column %I set compression lz4', v_column);
+    execute format('alter table semap.state_chunk alter column %I set compression lz4', v_column);
   end loop;
 exception when feature_not_supported then
   null;
 end $$;
-comment on table semap.track_state_packed is
-  'Up to 490 states of a track within half an hour, in the order of stamps. A null array is all null.';
-comment on column semap.track_state_packed.off_high is
-  'How far each stamp is off the even pace of span_us in so many states [us], and 32768: its higher half.';
-comment on column semap.track_state_packed.x_high is
-  'The sixteen highest bits of x_m, which are like those before; x_middle and x_low have the rest.';
+create table semap.state_chunk_default partition of semap.state_chunk default;
+create index state_chunk_of_track on semap.state_chunk (track_id, from_stamp) where track_id is not null;
+create index state_chunk_of_stamp on semap.state_chunk (source_id, from_stamp) where track_id is null;
+comment on table semap.state_chunk is
+  'States of many tracks at one stamp, or of one track within half an hour. An array that is null is all null.';
+comment on column semap.state_chunk.track_id is 'The track of all of these states; null where track_ids has them.';
+comment on column semap.state_chunk.offsets_us is
+  'How far each stamp is off an even pace from from_stamp to to_stamp [us]; null: not at all.';
 
 -- Where a track is changes with every state and is in no index, so that these updates stay in their page.
 -- The present of a deleted track says where its states lie, until they are deleted with it.
@@ -120,7 +86,6 @@ create table semap.track_now (
   map_id         integer not null,
   cell_m         double precision not null,
   live           boolean not null default false,
-  slot           integer,
   stamp          timestamptz not null default '-infinity',
   x_m            double precision,
   y_m            double precision,
@@ -151,8 +116,6 @@ create table semap.track_now (
 ) with (fillfactor = 40);
 -- How many live tracks a source has is asked of it alone, however many others its map has.
 create index track_now_live on semap.track_now (map_id, source_id) where live;
-comment on column semap.track_now.slot is
-  'The place of the track in source_count.frame_track_ids, from 1; of no meaning where that is null.';
 
 create table semap.line_observation (
   source_id      integer not null,

@@ -6,13 +6,11 @@ create table semap.behaviour (
 
 create table semap.retention (
   kind         text primary key check (kind in ('states', 'lines', 'changes', 'events')),
-  pack_after   interval check (pack_after is null or (pack_after > '0' and kind = 'states')),
   drop_after   interval check (drop_after > '0'),
-  gone_before  timestamptz,
-  check (drop_after > pack_after)
+  gone_before  timestamptz
 );
 comment on table semap.retention is
-  'How long what is kept, by event time. Without an age nothing of a kind is packed or dropped.';
+  'How long what is kept, by event time. Without an age nothing of a kind is dropped.';
 comment on column semap.retention.gone_before is 'What is older has been dropped.';
 insert into semap.retention (kind) values ('states'), ('lines'), ('changes'), ('events');
 

@@ -13,23 +13,21 @@ from numpy.typing import NDArray
 
 from semap.batch.crossing import Area
 from semap.store.database.connection import translated
-from semap.store.motion.track_history import ALL_STATES, within
 
-STATES = f"""
+STATES = """
     select s.track_id, (extract(epoch from s.stamp) * 1000000)::bigint, s.x_m, s.y_m, coalesce(s.z_m, 'nan'),
            coalesce(sqrt((s.std_m::float8 ^ 2 + coalesce(s.std_across_m, s.std_m)::float8 ^ 2) / 2)::real,
                     'nan'), s.is_last
-    from {ALL_STATES} s
-    join semap.track t using (track_id)
-    where t.map_id = %(map_id)s and {within("%(start)s", "%(end)s")} and s.stamp < %(end)s
+    from semap.states_of_map(%(map_id)s, %(start)s, %(end)s) s
+    where s.stamp < %(end)s
     order by s.track_id, s.stamp
-"""  # noqa: S608  (constants)
+"""
 # a track may have stood unseen for long before the span: what it was in then, the triggers have noted
-TRACKS = f"""
+TRACKS = """
     with seen as (
-      select distinct on (track_id) track_id, stamp, is_last from {ALL_STATES} s
-      where {within("%(start)s - interval '1 hour'", "%(start)s")} and stamp < %(start)s
-        and track_id = any (%(track_ids)s)
+      select distinct on (track_id) track_id, stamp, is_last
+      from semap.states(%(track_ids)s, %(start)s - interval '1 hour', %(start)s) s
+      where stamp < %(start)s
       order by track_id, stamp desc
     ), noted as (
       select distinct on (track_id) track_id, stamp, cause = 'disappeared' as is_last
@@ -42,7 +40,7 @@ TRACKS = f"""
            not coalesce(case when n.stamp >= s.stamp then n.is_last end, s.is_last, n.is_last, true)
     from semap.track t left join seen s using (track_id) left join noted n using (track_id)
     where t.track_id = any (%(track_ids)s)
-"""  # noqa: S608
+"""
 REGIONS = """
     select region_id, query_id, query_name, instance_id, instance_uid, instance_name,
            st_asbinary(footprint), z_min_m, z_max_m

@@ -15,7 +15,6 @@ from semap.rules.engine.preparation import ACTOR_NEARER
 from semap.rules.needs import LOOKED_UP, Needs
 from semap.rules.row import Row, Value
 from semap.store.database.connection import translated
-from semap.store.motion.track_history import ALL_STATES, within
 from semap.timeline.stamp import to_datetime
 from semap.worker.actor import Candidate, likeliest
 
@@ -26,17 +25,16 @@ FOOTPRINTS = """
     join semap.abstraction f on f.description_id = i.absolute_description_id and f.type = 'Footprint'
     where i.instance_id = any (%s)
 """
-POSITIONS = f"""
+POSITIONS = """
     select a.place, s.*
     from unnest(%s::integer[], %s::timestamptz[], %s::bigint[]) as a (place, stamp, track_id)
     cross join lateral (
-      select s.x_m, s.y_m, s.z_m from {ALL_STATES} s
-      where s.track_id = a.track_id and {within("a.stamp", "a.stamp")}) s
-"""  # noqa: S608  (constants)
+      select s.x_m, s.y_m, s.z_m from semap.states(array[a.track_id], a.stamp, a.stamp) s) s
+"""
 # where each track was: its newest state, at most 2 s old, moved on by its velocity since the one before;
 # later states are not asked, since whether they are there already depends on when one asks. An instance
 # without an outline is where its frame is. How exact it is: on average of all directions
-CANDIDATES = f"""
+CANDIDATES = """
     select a.place, t.track_id, t.name, d.distance_m,
            sqrt((s.std_m::float8 ^ 2 + coalesce(s.std_across_m, s.std_m)::float8 ^ 2) / 2)::real
     from unnest(%s::integer[], %s::timestamptz[], %s::bigint[], %s::double precision[])
@@ -52,8 +50,8 @@ CANDIDATES = f"""
         select s.track_id, s.stamp, s.x_m, s.y_m, s.std_m, s.std_across_m, s.is_last,
                lag(s.stamp) over one_track as before_stamp,
                lag(s.x_m) over one_track as before_x_m, lag(s.y_m) over one_track as before_y_m
-        from {ALL_STATES} s
-        where s.stamp > a.stamp - interval '2 s' and {within("a.stamp - interval '2 s'", "a.stamp")}
+        from semap.states_of_map(i.map_id, a.stamp - interval '2 s', a.stamp) s
+        where s.stamp > a.stamp - interval '2 s'
         window one_track as (partition by s.track_id order by s.stamp)
       ) w
       order by w.track_id, w.stamp desc) s
@@ -66,7 +64,7 @@ CANDIDATES = f"""
         s.x_m + coalesce((s.x_m - s.before_x_m) * v.ahead, 0),
         s.y_m + coalesce((s.y_m - s.before_y_m) * v.ahead, 0))) as distance_m) d
     where d.distance_m <= a.within_m and not (s.is_last and s.stamp < a.stamp)
-"""  # noqa: S608
+"""
 
 
 def enriched(connection: psycopg.Connection, map_id: int, rows: Sequence[Row], needs: Needs) -> list[Row]:

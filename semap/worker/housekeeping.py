@@ -42,10 +42,9 @@ def _keep(dsn: str, stop: Signal, first_s: float, each_s: float) -> None:
 
 
 def _say(done: Maintained) -> None:
-    if done.packed or done.dropped_days or done.dropped_rows:
+    if done.dropped_days or done.dropped_rows:
         log.info(
-            "Maintenance packed %d states, and dropped %d partitions and %d rows.",
-            sum(done.packed.values()),
+            "Maintenance dropped %d partitions and %d rows.",
             sum(len(days) for days in done.dropped_days.values()),
             sum(done.dropped_rows.values()),
         )

@@ -1,9 +1,8 @@
-"""What came in is settled within seconds: silent sources have given all, and frames become rows of states.
+"""What came in is settled: silent sources have given all, and states are compacted.
 
-It is done in a thread of the rule worker's process and over a connection of its own, of frames a few thousand
-states in a transaction. A source that says no watermark has given all states of its newest stamp once it has
-been silent for a second (sql/125). Where no worker runs, whoever writes frames makes rows of those that are a
-minute old (sql/146).
+It is done in a thread of the rule worker's process and over a connection of its own. A source that says no
+watermark has given all states of its newest stamp once it has been silent for a second (sql/125). States of
+many tracks are compacted to chunks of one track each, of some minutes in a transaction (sql/145).
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ def settling(dsn: str) -> Iterator[None]:
         again_and_again,
         follow,
         log=log,
-        waits="Silent sources and frames of states are settled later",
+        waits="Silent sources and states are settled later",
         retry_s=RETRY_S,
     )
     with beside("settling", work):
@@ -48,25 +47,25 @@ def _follow(dsn: str, stop: Signal) -> None:
         while not stop.wait(EACH_S):
             with translated():
                 connection.execute("select semap.complete_silent_sources()")
-                connection.execute("select semap.settle_silent_sources()")
+                connection.execute("select semap.flush_silent_sources()")
                 sources = connection.execute(
-                    "select distinct source_id from semap.track_state_frame"
+                    "select distinct source_id from semap.state_chunk where track_id is null"
                 ).fetchall()
             for (source_id,) in sources:
                 try:
-                    _unfold(connection, source_id, stop)
+                    _compact(connection, source_id, stop)
                 except ServerUnavailable:
                     raise
                 except SemapError as error:
                     # the others go on; a deadlock with who sends a state again is over the next time
                     if said.get(source_id) != str(error):
                         said[source_id] = str(error)
-                        log.warning("Frames of the source %d do not become rows: %s", source_id, error)
+                        log.warning("States of the source %d are not compacted: %s", source_id, error)
 
 
-def _unfold(connection: psycopg.Connection, source_id: int, stop: Signal) -> None:
+def _compact(connection: psycopg.Connection, source_id: int, stop: Signal) -> None:
     with translated():
         while not stop.is_set():
-            (frames,) = connection.execute("select semap.unfold_frames(%s)", [source_id]).fetchone() or (0,)
-            if not frames:
+            (states,) = connection.execute("select semap.compact_states(%s)", [source_id]).fetchone() or (0,)
+            if not states:
                 return

@@ -92,8 +92,8 @@ def enrich(dsn: str, name: str) -> None:
         ]  # fmt: skip
         for stamp in range(20, 24):
             owner.execute(
-                "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m)"
-                " values (to_timestamp(%s), %s, %s, %s, '{1,2}')", [stamp, source_id, tracks, [stamp - 19, 2]],
+                "select semap.add_states(%s, to_timestamp(%s), %s, %s::float8[], '{1,2}')",
+                [source_id, stamp, tracks, [stamp - 19, 2]],
             )  # fmt: skip
 
 
@@ -180,7 +180,7 @@ def test_another_map_is_in_no_table_and_in_no_view(town: Town, role: str, way: s
             if isinstance(seen, list):
                 shown += len(seen)
         assert shown > 100
-        for each in ("semap.track", "semap.track_place", "semap.track_state_seen", "semap_query.instance"):
+        for each in ("semap.track", "semap.track_place", "semap_query.instance"):
             statement = f"select t::text from {each} t"
             assert outcome(alone, statement) == outcome(owner, statement) != []
 
@@ -345,7 +345,6 @@ VALUES = {
     [
         "select * from semap.instance",
         "select * from semap.track_place",
-        "select * from semap.track_state_seen",
         "select * from semap_query.track",
         "select * from semap.event_evidence",
     ],

@@ -17,10 +17,10 @@ SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_versi
           "retention"}  # fmt: skip
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
-    "job", "login_map", "line_observation", "track_state", "region_cell", "region_edge", "rule_state", "pending_row",
+    "job", "login_map", "line_observation", "track_state", "state_chunk", "region_cell", "region_edge", "rule_state", "pending_row",
     "region_wanted", "query_side", "side_track", "query_track_wanted",
     "pair_side", "pair_instance_wanted", "pair_track_wanted",
-    "track_state_packed", "packed_state", "track_state_frame", "framed_state", "stored_state",
+    "stored_state", "unflushed_state",
 }  # fmt: skip
 
 
@@ -100,8 +100,6 @@ def test_each_table_is_shared_or_kept_within_the_maps(
         for table in ("instance", "track", "event", "abstraction", "row_version", "event_evidence"):
             assert rows(one, table) > 0, table
             assert rows(other, table) > 0, table
-        for table in ("track_state_seen",):
-            assert rows(one, table) == 6
 
 
 @pytest.mark.parametrize("role", ["semap_read", "semap_ingest", "semap_worker", "semap_api", "semap_admin"])
@@ -184,9 +182,9 @@ def test_functions_that_act_for_their_owner_are_called_by_those_they_are_for(
 
 
 STATES = {
-    "states_of_track": "semap.states_of_track(%(track)s, '-infinity', 'infinity', '-infinity', 100)",
-    "state_before": "semap.state_before(%(track)s, 'infinity')",
-    "place_at": "semap.state_before(%(track)s, 'infinity') s, semap.place_at(%(track)s, s.stamp) p where p is not null",
+    "states": "semap.states(array[%(track)s], '-infinity', 'infinity')",
+    "states_around": "semap.states_around(%(track)s, 'infinity', 1, 0)",
+    "states_of_map": "semap.states_of_map(%(map)s, '-infinity', 'infinity')",
     "first_state_of_map": "(select semap.first_state_of_map(%(map)s) as stamp) f where stamp is not null",
 }
 
@@ -202,27 +200,23 @@ def test_states_are_told_to_whom_their_map_is_open(
     assert bool(found) is is_there
 
 
-def test_packed_states_are_told_to_whom_their_map_is_open(
+def test_compacted_states_are_told_to_whom_their_map_is_open(
     building: Building, owner: psycopg.Connection
 ) -> None:
-    """The same functions and the view, over states that are packed."""
+    """The same functions, over states that are compacted."""
     annex, office = map_of(owner, "annex"), map_of(owner, "office")
     with owner.transaction(force_rollback=True):
-        owner.execute("update semap.retention set pack_after = '1 d' where kind = 'states'")
-        slots = "select distinct date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state order by 1"
-        for (slot,) in owner.execute(slots).fetchall():
-            owner.execute("select semap.pack_states(%s)", [slot])
-        assert rows(owner, "track_state") == 0
+        owner.execute("select semap.compact_all(array(select source_id from semap.source))")
         seen = {}
         for maps in (annex, office):
             owner.execute("set local role semap_read_map")
             owner.execute("select set_config('semap.maps', %s, true)", [f"{{{maps}}}"])
             told = {name: bool(owner.execute(f"select * from {each}", building.ids | {"map": office}).fetchall())
                     for name, each in STATES.items()}  # fmt: skip
-            seen[maps] = (rows(owner, "track_state_seen"), told)
+            seen[maps] = told
             owner.execute("reset role")
-        assert seen[annex] == (6, dict.fromkeys(STATES, False))
-        assert seen[office] == (rows(owner, "stored_state") - 6, dict.fromkeys(STATES, True))
+        assert seen[annex] == dict.fromkeys(STATES, False)
+        assert seen[office] == dict.fromkeys(STATES, True)
 
 
 def test_no_view_shows_what_its_reader_may_not_see(owner: psycopg.Connection) -> None:
@@ -237,7 +231,7 @@ def test_no_view_shows_what_its_reader_may_not_see(owner: psycopg.Connection) ->
             [list(OF_MAPS)],
         )
     }
-    assert readable == {"kept_table", "rule_given_up", "track_place", "track_state_seen"}
+    assert readable == {"kept_table", "rule_given_up", "track_place"}
 
 
 PLANNED = (
@@ -259,20 +253,6 @@ def test_a_policy_for_every_map_leaves_the_plan_as_it_is(
 
     with connect(building.service.dsn, "semap_read") as connection:
         assert plan(connection) == plan(owner)
-
-
-@pytest.mark.parametrize("role", ["semap_read", "semap_read_map"])
-def test_the_states_of_a_track_are_found_by_the_index(building: Building, role: str) -> None:
-    """Conditions on a track and on stamps get past the barrier of the view."""
-    with entered(building.service.dsn, role, "{1}" if role.endswith("map") else None) as connection:
-        connection.execute("set enable_seqscan = off")
-        (plan,) = connection.execute(
-            "explain (format json, costs off) select * from semap.track_state_seen"
-            " where track_id = 1 and stamp >= '1970-01-01Z' and stamp < '1970-01-02Z'"
-        ).fetchone() or ({},)
-        text = str(plan)
-        assert "track_id = 1" in text.split("Index Cond")[1]
-        assert "stamp >=" in text.split("Index Cond")[1]
 
 
 def test_policies_that_are_there_already_are_left_alone(

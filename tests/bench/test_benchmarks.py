@@ -105,7 +105,7 @@ def test_stored_states_lie_in_past_days_and_today(database: str) -> None:
     with connect(database) as connection:
         growth.of_stored(connection, 20_000, growth.SMALLEST)
         days = connection.execute(
-            "select stamp::date::text, count(*) from semap.track_state group by 1 order by 1"
+            "select stamp::date::text, count(*) from semap.stored_state group by 1 order by 1"
         ).fetchall()
     assert days == [*((f"2026-01-{day:02}", 2_000) for day in range(5, 10)), ("2026-01-10", 10_000)]
 
@@ -160,7 +160,7 @@ def test_throughput_has_the_form_of_all(database: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(throughput, "TRACKS", 20)
     monkeypatch.setattr(throughput, "ROUNDS", 3)
     rows = throughput.measure(database)
-    for title in ("bare_copy_per_s", "frames_per_s", "ratio"):
+    for title in ("bare_copy_per_s", "batches_per_s", "ratio"):
         assert [len(each.rounds) for each in _figures(rows, title)] == [3, 3]
 
 

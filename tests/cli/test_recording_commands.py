@@ -57,7 +57,7 @@ def test_from_a_simulated_recording_to_tracks(office: Path, database: str) -> No
     with psycopg.connect(database) as session:
         for again in (False, True):
             [written] = session.execute(
-                "select (select count(*) from semap.track_state), (select count(*) from semap.track),"
+                "select (select count(*) from semap.stored_state), (select count(*) from semap.track),"
                 " (select count(*) from semap.line_observation)"
             )
             assert written == (first["states"], first["tracks"], first["lines"])

@@ -97,7 +97,7 @@ def test_a_building_that_people_walk_through(serving: Serving, tmp_path: Path) -
         history = client.history(tracks["ann"].id)
         with connect(serving.dsn) as connection:
             states = connection.execute(
-                "select count(*) from semap.track_state where track_id = %s", [tracks["ann"].id]
+                "select count(*) from semap.stored_state where track_id = %s", [tracks["ann"].id]
             ).fetchone()
         assert states is not None
         assert len(history) == states[0] > 600

@@ -36,7 +36,7 @@ def walk(states: int, tracks: int = 3) -> Tracks:
 def stored(world: World) -> list[tuple]:
     return world.rows(
         "select t.name, extract(epoch from s.stamp)::float8 * 1000000, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad,"
-        " is_last from semap.track_state s join semap.track t using (track_id) order by s.stamp, t.name"
+        " is_last from semap.stored_state s join semap.track t using (track_id) order by s.stamp, t.name"
     )
 
 
@@ -113,7 +113,7 @@ def test_states_that_are_there_already_are_refused_and_nothing_changes(world: Wo
     assert len(stored(world)) == 30
 
 
-PARTITIONS = "select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass"
+PARTITIONS = "select count(*) from pg_inherits where inhparent = 'semap.state_chunk'::regclass"
 
 
 def test_what_is_refused_leaves_no_trace(world: World) -> None:
@@ -219,7 +219,7 @@ def test_states_of_an_unknown_track_or_of_two_sources_are_refused(world: World) 
         world.add_states([(ours, SECOND_US, 0, 0, None), (999, SECOND_US, 0, 0, None)])
     with pytest.raises(Exception, match="more than one source"):
         world.add_states([(ours, SECOND_US, 0, 0, None), (theirs, SECOND_US, 0, 0, None)])
-    assert world.one("select count(*) from semap.track_state") == 0
+    assert world.one("select count(*) from semap.stored_state") == 0
 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.integers(0, 10**12), st.floats(-1e7, 1e7), st.floats(-1e7, 1e7),

@@ -97,13 +97,13 @@ BROKEN = [
      " one key; events that begin at 2026-01-31T12:00:00Z or later may be missing (first of track ann)", "window"),
     ("late rows", [MAP, LATE_ROW], Level.WARN, "1 rows came after their watermark", "replay-late"),
     ("shapes", [MAP, ROOM], Level.WRONG, "no valid area: office/bow", "again"),
-    ("partitions", ["set session_replication_role = replica",
-                    "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now(), 0, 0)"],
+    ("partitions", ["insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
+                    " values (1, now(), now(), 1, '{1}', '{0}', '{0}')"],
      Level.WARN, "default partition", "ensure_partitions"),
-    ("partitions", ["update semap.retention set pack_after = '3 d' where kind = 'states'",
-                    *OLD_DAY], Level.WARN, "should have been packed", "semap db maintain"),
+    ("partitions", ["update semap.retention set drop_after = '3 d' where kind = 'states'",
+                    *OLD_DAY], Level.WARN, "should have been dropped", "semap db maintain"),
     ("partitions", ["update semap.retention set drop_after = '3 d' where kind = 'lines'",
-                    *OLD_DAY], Level.WARN, "or dropped by now", "semap work"),
+                    *OLD_DAY], Level.WARN, "have been dropped by now", "semap work"),
     ("webhooks", [WEBHOOK.format("'disabled', 'it answered 410'")], Level.WRONG, "410", "semap webhook"),
     ("webhooks", [WEBHOOK.format("'active', ''"),
                   "insert into semap.webhook_dead_letter (webhook_id, seq, event_id, map, type, body, attempts, error)"
@@ -124,18 +124,16 @@ def patient(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
         yield connection
 
 
-def test_late_states_of_packed_days_are_in_their_place(patient: psycopg.Connection) -> None:
-    """Those of days that are not packed yet are not."""
+def test_states_of_a_day_without_a_partition_are_told(patient: psycopg.Connection) -> None:
     with patient.transaction(force_rollback=True):
-        patient.execute("set session_replication_role = replica")
-        patient.execute("update semap.retention set pack_after = '3 d' where kind = 'states'")
-        late = "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, now() - interval '%s d', 0, 0)"
-        patient.execute(late % 9)
         check = next(each for each in CONTENT_CHECKS if each.name == "partitions")
         assert list(check.look(patient)) == []
-        patient.execute(late % 1)
+        patient.execute(
+            "insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
+            " values (1, '2026-01-31Z', '2026-01-31Z', 1, '{1}', '{0}', '{0}')"
+        )
         assert [trouble.message for trouble in check.look(patient)] == [
-            "rows of track_state lie in its default partition, and are slower to find"
+            "rows of state_chunk lie in its default partition, and are slower to find"
         ]
 
 

@@ -7,7 +7,7 @@ from semap.store.database.connection import connect
 RESULTS = {
     "tracks": "select name, uid, ended_at from semap.track",
     "states": "select t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last, s.heading_rad, s.speed_mps,"
-    " s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad from semap.track_state s join semap.track t using (track_id)",
+    " s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad from semap.stored_state s join semap.track t using (track_id)",
     "lines": "select s.name, l.stamp, l.x1_m, l.y1_m, l.x2_m, l.y2_m, l.z_m, l.angle_std_rad, l.offset_std_m,"
     " l.points from semap.line_observation l join semap.source s using (source_id)",
     "doors": "select i.name, o.uid, o.property, o.value, o.stamp, o.attributes::text"

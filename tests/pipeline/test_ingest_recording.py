@@ -65,7 +65,7 @@ def test_how_exact_a_place_is_is_what_the_filter_says(office_map, plan):
     with connect(office_map) as connection:
         rows = connection.execute(
             "select k.name, (extract(epoch from s.stamp) * 1000000)::bigint, s.std_m, s.std_across_m, s.std_yaw_rad"
-            " from semap.track_state s join semap.track k using (track_id)"
+            " from semap.stored_state s join semap.track k using (track_id)"
         ).fetchall()
     assert {row[:2] for row in rows} == told.keys()
     assert sum(across_m is not None for *_, across_m, _ in rows) > 20

@@ -72,15 +72,14 @@ def add_as_frames(world: World, source_id: int, track_id: int, samples: list[Sam
             continue
         values = (each.x_m, each.y_m, each.z_m, each.std_m, each.std_across_m, each.std_yaw_rad)
         world.run(
-            "insert into semap.track_state_frame (stamp, source_id, track_ids, x_m, y_m, z_m, std_m, std_across_m,"
-            " std_yaw_rad) values (%s, %s, %s, %s::float8[], %s::float8[], %s::float8[], %s::real[], %s::real[],"
-            " %s::real[])",
-            to_datetime(each.stamp_us), source_id, [track_id], *(None if v is None else [v] for v in values),
+            "select semap.add_states(%s, %s, %s, %s::float8[], %s::float8[], %s::float8[], %s::real[],"
+            " std_across_m => %s::real[], std_yaw_rad => %s::real[])",
+            source_id, to_datetime(each.stamp_us), [track_id], *(None if v is None else [v] for v in values),
         )  # fmt: skip
 
 
 def check(
-    database: str, question: Asked, rooms: list, seed: int, steps: int, *, in_frames: bool = False
+    database: str, question: Asked, rooms: list, seed: int, steps: int, *, in_batches: bool = False
 ) -> None:
     dice = random.Random(seed)
     world = World(database, f"map {uuid4()}")
@@ -96,7 +95,7 @@ def check(
             while start < len(seen):
                 end = start + dice.choice([1, 1, 1, 2, 5, 100])
                 batch = seen[start:end]
-                if in_frames:
+                if in_batches:
                     add_as_frames(world, sources[name], track_id, batch)
                 else:
                     world.add_samples(track_id, dice.sample(batch, len(batch)))
@@ -129,9 +128,9 @@ def check(
     question=asked,
     rooms=st.lists(st.tuples(st.sampled_from(SHAPES), st.sampled_from(BANDS)), min_size=1, max_size=3),
     seed=st.integers(0, 2**32),
-    in_frames=st.booleans(),
+    in_batches=st.booleans(),
 )
 def test_careful_relations_equal_the_oracle(
-    database: str, question: Asked, rooms: list, seed: int, in_frames: bool
+    database: str, question: Asked, rooms: list, seed: int, in_batches: bool
 ) -> None:
-    check(database, question, rooms, seed, 40, in_frames=in_frames)
+    check(database, question, rooms, seed, 40, in_batches=in_batches)

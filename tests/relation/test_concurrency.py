@@ -142,7 +142,7 @@ def test_a_writer_and_who_deletes_or_ends_its_tracks_do_not_block_each_other(
         changing.result(PATIENCE_S)
     assert world.one("select count(*) from semap.relation") == 0
     if other.startswith("delete"):
-        assert world.one("select count(*) from semap.track_state") == 0
+        assert world.one("select count(*) from semap.stored_state") == 0
         assert world.one("select count(*) from semap.relation_change") == 0
 
 

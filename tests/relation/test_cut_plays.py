@@ -143,7 +143,7 @@ def play(world: World, rows: Sequence[Row], how: Cuts) -> None:
         batch, said_us = waiting[source].pop(0)
         stamps = {row.stamp_us for row in batch}
         if how.batch is None and len(stamps) == 1 and not any(row.is_last for row in batch):
-            world.insert_frame(
+            world.send_batch(
                 [(tracks[row.track], row.stamp_us, row.x_m, row.y_m, None) for row in batch], sources[source]
             )
         else:

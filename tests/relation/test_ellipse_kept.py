@@ -16,7 +16,7 @@ from semap.store.motion import moment, track_history
 from semap.store.motion.tracks import get_track
 from semap.timeline.stamp import to_datetime
 
-PRESENT = "select x_m, std_m, std_across_m, std_yaw_rad from semap.track_now where track_id = %s"
+PRESENT = "select x_m, std_m, std_across_m, std_yaw_rad from semap.track_place where track_id = %s"
 FRAME = """
     insert into semap.track_state (track_id, stamp, x_m, y_m, std_m, std_across_m, std_yaw_rad)
     select track_id, %s, track_id %% 50 + 0.5 + %s, track_id / 50 + 0.5, 2, 1 + %s, %s from semap.track where map_id = %s
@@ -58,7 +58,7 @@ def test_places_that_are_written_late_come_with_their_ellipses(world: World) -> 
     assert world.rows(asked, world.map_id) != [(0.6875, 2, 1.375, 0.75)], "not written yet"
     wanted = world.rows("select distinct x_m - track_id %% 50, std_m, std_across_m, std_yaw_rad from semap.present_places(%s)",
                         world.map_id)  # fmt: skip
-    world.run("select semap.settle_maps(array[%s])", world.map_id)
+    world.run("select semap.flush_maps(array[%s]::integer[])", world.map_id)
     assert world.rows(asked, world.map_id) == wanted == [(0.6875, 2, 1.375, 0.75)]
 
 
@@ -144,7 +144,9 @@ def test_the_doctor_names_a_relation_that_an_ellipse_ends(world: World) -> None:
         (0.05, 1.5, set()),
         (0.4, 0.0, set()),
     ):
-        for relation in ("track_state", "track_now"):
-            world.run(f"update semap.{relation} set std_across_m = %s, std_yaw_rad = %s where stamp = %s",
-                      across_m, yaw_rad, to_datetime(2 * SECOND_US))  # fmt: skip
+        at = to_datetime(2 * SECOND_US)
+        world.run("update semap.state_chunk set std_across_m = array[%s]::real[], std_yaw_rad = array[%s]::real[]"
+                  " where from_stamp = %s", across_m, yaw_rad, at)  # fmt: skip
+        world.run("update semap.track_now set std_across_m = %s, std_yaw_rad = %s where stamp = %s",
+                  across_m, yaw_rad, at)  # fmt: skip
         assert differing() == named, (across_m, yaw_rad)

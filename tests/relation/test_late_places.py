@@ -1,4 +1,4 @@
-"""Places of large frames are written once a second; nothing that is told of relations differs by that."""
+"""Positions are flushed once for many batches; nothing that is told of relations differs by that."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from world import World
 
 from semap.timeline.stamp import to_datetime
 
-MANY = 210  # more than the trigger takes for few
+MANY = 60
 FRAME_US = 100_000
 ROOMS = {
     f"r{column}{row}": shapely.box(4 * column, 4 * row, 4 * column + 4, 4 * row + 4)
@@ -21,9 +21,9 @@ ROOMS = {
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize(("tracks", "in_frames"), [(MANY, False), (MANY, True), (12, True)])
+@pytest.mark.parametrize(("tracks", "in_batches"), [(MANY, False), (MANY, True), (12, True)])
 def test_relations_are_those_of_each_state_whatever_happens_between_frames(
-    world: World, tracks: int, in_frames: bool, seed: int
+    world: World, tracks: int, in_batches: bool, seed: int
 ) -> None:
     dice = random.Random(seed)
     oracle = Oracle()
@@ -34,7 +34,7 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(
     places = {name: (dice.uniform(0, 12), dice.uniform(0, 12)) for name in ids}
     alive = set(ids)
     sent = {name: [] for name in ids}
-    lazily = kept = 0
+    lazily = 0
     stored = set()
     for frame in range(1, 60):
         now_us = frame * FRAME_US
@@ -87,31 +87,29 @@ def test_relations_are_those_of_each_state_whatever_happens_between_frames(
                 stored |= {
                     (track_id, to_datetime(stamp_us), x_m, y_m) for track_id, stamp_us, x_m, y_m, *_ in states
                 }
-                if in_frames and not any(is_last for *_, is_last in states):
-                    world.add_frame(states)
+                if in_batches and not any(is_last for *_, is_last in states):
+                    world.add_batch(states)
                 else:
                     world.add_states(states)
-        if world.one("select count(*) from semap.track_state_frame where stamp = %s", to_datetime(now_us)):
-            kept += 1
+        if dice.random() < 0.5:
             assert places_of(world) == {name: oracle.present[name][1:3] for name in alive}
-        if in_frames and dice.random() < 0.2:
-            world.run("select semap.unfold_frames(null, %s)", dice.choice([1, 1000, 100000]))
+        if dice.random() < 0.1:
+            world.run("select semap.compact_states(%s, 0)", world.source_id)
         lazily += world.one(
-            "select count(*) from semap.source_count where source_id = %s and frame_stamp > placed_stamp",
+            "select count(*) from semap.source_count where source_id = %s and unflushed > 0",
             world.source_id,
         )
     assert lazily > 20, "places were written late"
     assert sorted(world.changes()) == sorted(oracle.changes)
     assert world.relations() == oracle.relations()
-    world.run("select semap.settle_places(array[%s])", world.source_id)
+    world.run("select semap.flush_positions(array[%s])", world.source_id)
     assert places_of(world, "track_now") == places_of(world)
-    assert (kept > 20) == in_frames
-    while world.one("select semap.unfold_frames(null, 500)"):
-        pass
-    assert world.one("select count(*) from semap.track_state_frame") == 0
-    states = world.rows("select track_id, stamp, x_m, y_m from semap.track_state")
-    assert len(states) == len(stored)
-    assert set(states) == stored
+    for is_compacted in (False, True):
+        states = world.rows("select track_id, stamp, x_m, y_m from semap.stored_state")
+        assert len(states) == len(stored), is_compacted
+        assert set(states) == stored
+        world.run("select semap.compact_all(array[%s])", world.source_id)
+    assert world.one("select count(*) from semap.state_chunk where track_id is null") == 0
 
 
 def places_of(world: World, table: str = "track_place") -> dict[str, tuple[float, float]]:

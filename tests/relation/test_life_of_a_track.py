@@ -46,7 +46,7 @@ def test_a_deleted_track_may_come_again(world: World) -> None:
         world.run("delete from semap.track")
         assert world.relations() == set()
         assert world.changes() == []
-        assert world.one("select count(*) from semap.track_state") == 0
+        assert world.one("select count(*) from semap.stored_state") == 0
 
 
 @pytest.mark.parametrize("stamp", ["infinity", "-infinity", "12000-01-01Z", "1700-01-01Z"])
@@ -75,10 +75,10 @@ def test_days_get_partitions_of_their_own(world: World) -> None:
             track,
             day,
         )
-    assert world.rows("select tableoid::regclass::text, count(*) from semap.track_state group by 1 order by 1") == [
-        ("semap.track_state_20260103", 1), ("semap.track_state_20260104", 1), ("semap.track_state_default", 2),
+    assert world.rows("select tableoid::regclass::text, sum(states)::int from semap.state_chunk group by 1 order by 1") == [
+        ("semap.state_chunk_20260103", 1), ("semap.state_chunk_20260104", 1), ("semap.state_chunk_default", 2),
     ]  # fmt: skip
     assert {pair[:2] for pair in world.relations()} == {("t", "room")}
     days = [f"{year}-{month:02d}-01" for year in range(1900, 1950) for month in range(1, 13)]
     world.run("select semap.ensure_partitions(%s::date[])", days)
-    assert world.one("select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass") == 4
+    assert world.one("select count(*) from pg_inherits where inhparent = 'semap.state_chunk'::regclass") == 4

@@ -69,14 +69,14 @@ def test_changes_equal_the_oracle_in_long_plays(database: str, rooms: dict, step
 FIRST_STAMPS = """
     select n.track_id from semap.track_now n
     where n.map_id = %s and n.first_stamp <> coalesce(
-      (select min(s.stamp) from semap.track_state s where s.track_id = n.track_id), 'infinity')
+      (select min(s.stamp) from semap.stored_state s where s.track_id = n.track_id), 'infinity')
 """
 """Tracks that began at another time than `track_now` says."""
 
 
 STATE_BEFORE = """
     select is_last or at_us = %s, x_m, y_m, z_m from (
-      select *, extract(epoch from stamp) * 1000000 as at_us from semap.track_state where track_id = %s) s
+      select *, extract(epoch from stamp) * 1000000 as at_us from semap.stored_state where track_id = %s) s
     where at_us <= %s and (select max(n.stamp) from semap.track_now n where n.track_id = s.track_id) > s.stamp
     order by stamp desc limit 1
 """

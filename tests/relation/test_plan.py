@@ -64,10 +64,13 @@ def test_a_window_of_time_and_events_after_a_cursor_use_their_keys(large: World)
     large.run("set enable_seqscan = off")
     window = explain(
         large,
-        "select * from semap.track_state where stamp >= '2026-01-01' and stamp < '2026-01-02' and track_id = 5",
+        "select * from semap.state_chunk where track_id = any ('{5,6}') and from_stamp >= '2026-01-01'"
+        " and from_stamp <= '2026-01-02' and to_stamp >= '2026-01-01'",
     )
-    (scan,) = [node for node in window if node.get("Index Name") == "track_state_default_pkey"]
-    assert "track_id = 5" in scan["Index Cond"]
+    (scan,) = [node for node in window if "Index Cond" in node]
+    assert scan["Index Name"].startswith("state_chunk_default_track_id")
+    assert "track_id = ANY" in scan["Index Cond"]
+    assert "from_stamp >=" in scan["Index Cond"]
     events = explain(large, "select * from semap.event where seq > 5 order by seq limit 10")
     assert any(node.get("Index Name") == "event_pkey" for node in events)
 
@@ -83,7 +86,7 @@ def test_events_are_read_without_a_plan_for_each_day(large: World) -> None:
     statement = str(EVENTS.compile(dialect=postgresql.dialect(), compile_kwargs={"literal_binds": True}))
     relations = {node["Relation Name"] for node in explain(large, statement) if "Relation Name" in node}
     assert "event" in relations
-    assert not {name for name in relations if name.startswith("track_state")}
+    assert not {name for name in relations if name.startswith("state_chunk")}
 
 
 def test_tracks_in_pairs_are_found_by_key_though_the_table_was_empty_when_it_was_analyzed(

@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 import psycopg
-from world import World
-
-from semap.store.operate.maintenance import Maintained, maintain
 
 COLUMNS = (
     "track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last", "heading_rad", "speed_mps", "length_m", "width_m",
@@ -30,20 +27,36 @@ def make_partitions(connection: psycopg.Connection, *days_ago: int) -> None:
     days = [midnight(each).date() for each in days_ago]
     connection.execute("select semap.ensure_partitions(%s::date[])", [days])
     for day in days:
-        for table in ("track_state", "line_observation"):
+        for table in ("state_chunk", "line_observation"):
             connection.execute(f"comment on table semap.{table}_{day:%Y%m%d} is null")
 
 
 def write(connection: psycopg.Connection, rows: Sequence[Sequence[object]]) -> None:
-    """Rows of COLUMNS, past the triggers; the last columns may be missing."""
-    connection.execute("set session_replication_role = replica")
+    """Rows of COLUMNS, past the functions that move tracks; the last columns may be missing."""
+    connection.execute("create temp table if not exists given (like semap.track_state)")
+    connection.execute("truncate given")
     with connection.cursor() as cursor, cursor.copy(
-        f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
+        f"copy given ({', '.join(COLUMNS)}) from stdin (format binary)"
     ) as copy:  # fmt: skip
         copy.set_types(["int8", "timestamptz", *["float8"] * 3, "float4", "bool", *["float4"] * 6])
         for row in rows:
             copy.write_row(_whole(row))
-    connection.execute("set session_replication_role = origin")
+    connection.execute(
+        "insert into semap.state_chunk select c.* from ("
+        " select stamp, array_agg(track_id) as ids, count(*) as states,"
+        + ", ".join(f"array_agg({name}) as {name}" for name in COLUMNS[2:])
+        + " from given group by stamp) s cross join lateral semap.new_chunk("
+        " source_id => 0, from_stamp => stamp, to_stamp => stamp, track_ids => ids, "
+        + ", ".join(f"{name} => s.{name}" for name in COLUMNS[2:])
+        + ") c"
+    )
+
+
+def compact(connection: psycopg.Connection) -> None:
+    """All states, of whatever source."""
+    connection.execute(
+        "select semap.compact_all(array(select distinct source_id from semap.state_chunk where track_id is null))"
+    )
 
 
 def bits(row: Sequence[object]) -> Bits:
@@ -64,15 +77,5 @@ def stored(connection: psycopg.Connection, relation: str = "stored_state") -> li
         return [bits(row) for row in found.fetchall()]
 
 
-def retain(
-    connection: psycopg.Connection, kind: str, pack: str | None = None, drop: str | None = None
-) -> None:
-    connection.execute(
-        "update semap.retention set pack_after = %s, drop_after = %s where kind = %s", [pack, drop, kind]
-    )
-
-
-def pack_all(world: World) -> Maintained:
-    """Pack whatever is older than a day."""
-    retain(world.connection, "states", pack="1 d")
-    return maintain(world.dsn)
+def retain(connection: psycopg.Connection, kind: str, drop: str | None = None) -> None:
+    connection.execute("update semap.retention set drop_after = %s where kind = %s", [drop, kind])

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from unittest.mock import patch
 
 import pytest
-from past_days import bits, make_partitions, midnight, retain, stored, write
+from past_days import make_partitions, midnight, retain, write
 from patience import moment
 from rule_work import await_event_of, running_worker
 from shapely import box
@@ -27,23 +27,22 @@ def await_true(ask: Callable[[], bool]) -> None:
         moment()
 
 
-def test_old_states_are_packed_while_events_are_made(world: World) -> None:
+def test_old_states_are_dropped_while_events_are_made(world: World) -> None:
     make_partitions(world.connection, 4)
     rows = [
         (9, midnight(4).replace(hour=hour), 1.0, 2.0, None, None, False, *[None] * 4) for hour in range(24)
     ]
     write(world.connection, rows)
-    retain(world.connection, "states", pack="1 d")
+    retain(world.connection, "states", drop="1 d")
     world.add_room("den", box(0, 0, 4, 4))
     track = world.add_track("t")
     with running_worker(world.dsn), housekeeping.housekeeping(world.dsn, first_s=0, each_s=0.2):
         world.add_states([(track, to_us(midnight(0)) + SECOND_US, 1, 1, None)])
         world.run("update semap.source set watermark = %s, ended = true", midnight(0).replace(minute=1))
         await_event_of(world.dsn, "t", "entered")
-        await_true(lambda: world.one("select count(*) from semap.track_state_packed") == 24)
-        write(world.connection, [(9, midnight(4), *rows[0][2:])][:0] or [(8, *rows[5][1:])])
-        await_true(lambda: world.one("select count(*) from semap.track_state_packed") == 25)
-    assert stored(world.connection)[1:] == [bits((8, *rows[5][1:])), *(bits(row) for row in rows)]
+        await_true(lambda: world.one("select count(*) from semap.stored_state") == 1)
+        write(world.connection, rows[:1])
+        await_true(lambda: world.one("select count(*) from semap.stored_state") == 1)
 
 
 def test_a_failure_is_told_and_tried_again(world: World, caplog: pytest.LogCaptureFixture) -> None:

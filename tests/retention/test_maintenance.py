@@ -12,7 +12,7 @@ from unittest.mock import patch
 import psycopg
 import pytest
 import shapely
-from past_days import bits, make_partitions, midnight, retain, stored, write
+from past_days import bits, compact, make_partitions, midnight, retain, stored, write
 from patience import PATIENCE_S
 from rule_work import await_progress, running_worker
 from world import SECOND_US, World
@@ -32,7 +32,7 @@ VISITS = {"input": "track_in_room", "emit": {"began": "entered", "ended": "left"
 PARTITIONS = "select of_table, day from semap.day_partitions() order by 1, 2"
 
 
-def days(world: World, table: str = "track_state") -> list[date]:
+def days(world: World, table: str = "state_chunk") -> list[date]:
     return [day for of_table, day in world.rows(PARTITIONS) if of_table == table]
 
 
@@ -67,7 +67,7 @@ def test_partitions_are_made_ahead_and_nothing_else_is_done(world: World) -> Non
     ahead = [day(-n) for n in range(4)]
     assert done == Maintained(made_days=ahead)
     assert days(world) == days(world, "line_observation") == [day(40), *ahead]
-    assert stored(world.connection, "track_state") == [bits(row) for row in rows]
+    assert stored(world.connection) == [bits(row) for row in rows]
     assert world.one("select count(*) from semap.line_observation") == 1
     assert maintain(world.dsn) == Maintained()
 
@@ -78,30 +78,25 @@ def test_each_kind_goes_at_its_own_age(world: World) -> None:
     outside = some_states(60, 7)
     write(world.connection, [row for rows in kept.values() for row in rows] + outside)
     add_lines(world, 1, 2, 9, 60)
-    retain(world.connection, "states", pack="2 d", drop="9 d")
+    retain(world.connection, "states", drop="9 d")
     retain(world.connection, "lines", drop="1 d")
 
     planned = maintain(world.dsn, dry_run=True)
-    assert world.one("select count(*) from semap.track_state") == 6 * 50 + 7
-    assert (planned.packed, planned.dropped_rows) == (
-        {day(n): 50 for n in (9, 8, 5)},
-        {"states": 7, "lines": 1},
-    )
+    assert world.one("select count(*) from semap.stored_state") == 6 * 50 + 7
+    assert planned.dropped_rows == {"states": 7, "lines": 1}
     done = maintain(world.dsn)
-    assert done.packed == planned.packed
-    assert done.dropped_days["track_state"] == [day(30), day(9), day(8), day(5)]
+    assert done.dropped_days["state_chunk"] == [day(30)]
     assert done.dropped_days["line_observation"] == [day(n) for n in (30, 9, 8, 5, 2)]
     assert done.dropped_rows == planned.dropped_rows
     assert stored(world.connection) == [bits(row) for ago in (9, 8, 5, 2, 1) for row in kept[ago]]
-    assert stored(world.connection, "track_state") == [bits(row) for ago in (2, 1) for row in kept[ago]]
     assert world.one("select count(*) from semap.line_observation") == 1
     gone = {kind: each.gone_before for kind, each in read_retention(world.connection).items()}
     assert gone == {"states": midnight(9), "lines": midnight(1), "changes": None, "events": None}
     assert maintain(world.dsn) == Maintained()
 
     retain(world.connection, "states", drop="3 d")
-    half_hours = {each[1].replace(minute=each[1].minute // 30 * 30, microsecond=0) for each in kept[9]}
-    assert maintain(world.dsn).dropped_rows == {"states": 3 * len(half_hours)}
+    compact(world.connection)
+    assert maintain(world.dsn).dropped_days == {"state_chunk": [day(9), day(8), day(5)]}
     assert stored(world.connection) == [bits(row) for ago in (2, 1) for row in kept[ago]]
 
 
@@ -109,24 +104,8 @@ def test_an_empty_day_of_the_past_goes_but_not_one_that_was_just_made(world: Wor
     make_partitions(world.connection, 7)
     world.run("select semap.ensure_partitions(%s::date[])", [day(8)])
     done = maintain(world.dsn)
-    assert done.dropped_days == {"track_state": [day(7)], "line_observation": [day(7)]}
+    assert done.dropped_days == {"state_chunk": [day(7)], "line_observation": [day(7)]}
     assert days(world)[0] == day(8)
-
-
-def test_what_comes_late_is_packed_the_next_time(world: World) -> None:
-    rows = some_states(5)
-    make_partitions(world.connection, 5)
-    retain(world.connection, "states", pack="1 d")
-    write(world.connection, rows[::2])
-    maintain(world.dsn)
-    assert day(5) not in days(world)
-    write(world.connection, rows[1::2])
-    assert stored(world.connection) == [bits(row) for row in rows]
-    assert world.one("select count(*) from semap.track_state_default") == 25
-    done = maintain(world.dsn)
-    assert done.packed == {day(5): 25}
-    assert world.one("select count(*) from semap.track_state") == 0
-    assert stored(world.connection) == [bits(row) for row in rows]
 
 
 class Cut(Exception):
@@ -138,10 +117,10 @@ def test_cut_off_anywhere_nothing_is_lost_or_doubled(world: World) -> None:
     kept, old = some_states(4, 20) + some_states(3, 20), some_states(20, 20)
     asked, steps, whole = maintenance._Maintenance._patiently, 0, None
     for cut_at in range(200):
-        world.run("truncate semap.track_state, semap.track_state_packed")
+        world.run("truncate semap.state_chunk")
         world.run("update semap.retention set gone_before = null")
         make_partitions(world.connection, 3, 4, 20)
-        retain(world.connection, "states", pack="1 d", drop="10 d")
+        retain(world.connection, "states", drop="10 d")
         write(world.connection, [*kept, *old])
         steps = 0
 
@@ -168,11 +147,10 @@ def test_cut_off_anywhere_nothing_is_lost_or_doubled(world: World) -> None:
         assert (len(there) == len(kept)) == (gone == midnight(10) or gone == midnight(19))
         maintain(world.dsn)
         assert stored(world.connection) == [bits(row) for row in kept]
-        assert world.one("select count(*) from semap.track_state") == 0
-        assert days(world) == [day(-n) for n in range(4)]
+        assert days(world) == [*(day(n) for n in (4, 3)), *(day(-n) for n in range(4))]
         if whole is not None:
             break
-    assert cut_at > 30
+    assert cut_at > 5
 
 
 def test_two_at_once_one_passes(world: World) -> None:
@@ -194,7 +172,7 @@ def test_a_table_in_use_holds_up_a_drop_and_that_nobody(
     maintain(world.dsn, stop=_after_days_ahead())
     with connect(world.dsn) as holder, ThreadPoolExecutor() as pool:
         holder.execute("begin")
-        holder.execute("select count(*) from semap.track_state")
+        holder.execute("select count(*) from semap.state_chunk")
         with monkeypatch.context() as hurried:
             hurried.setattr(maintenance, "ATTEMPTS", 2)
             assert re.match(f"states of tracks of {day(9)}", maintain(world.dsn).put_off[0])
@@ -204,7 +182,7 @@ def test_a_table_in_use_holds_up_a_drop_and_that_nobody(
             world.add_states([(track, to_us(midnight(0)) + n * SECOND_US, 1, 1, None)])
         assert not maintaining.done()
         holder.execute("commit")
-        assert maintaining.result(timeout=PATIENCE_S).dropped_days == {"track_state": [day(9)]}
+        assert maintaining.result(timeout=PATIENCE_S).dropped_days == {"state_chunk": [day(9)]}
     assert world.one("select count(*) from semap.stored_state") == 30
 
 
@@ -230,30 +208,12 @@ def test_a_writer_of_the_very_day_is_not_lost(world: World, monkeypatch: pytest.
         writer.execute("insert into semap.track_state values (%s, %s, 1, 1)", [track, midnight(5)])
         assert maintain(world.dsn).put_off == [f"states of tracks of {day(5)}"]
         writer.execute("commit")
-    assert "track_state" not in maintain(world.dsn).dropped_days
-    assert world.one("select count(*) from semap.track_state") == 1
+    assert "state_chunk" not in maintain(world.dsn).dropped_days
+    assert world.one("select count(*) from semap.stored_state") == 1
 
 
-def test_a_day_without_a_key_gets_it(world: World) -> None:
-    make_partitions(world.connection, 5)
-    write(world.connection, some_states(5))
-    assert world.one("select semap.key_day(%s)", day(5)) is False
-    world.run("alter table semap.track_state drop constraint track_state_pkey")
-    write(world.connection, [(*each[:2], 99.0, *each[3:]) for each in some_states(5)[::7]])
-    assert maintain(world.dsn, dry_run=True).keyed_days == [day(5)]
-    assert maintain(world.dsn).keyed_days == [day(5)]
-    keys = world.rows(
-        "select indrelid::regclass::text from pg_index where indisprimary and indrelid in"
-        " (select partition from semap.day_partitions())"
-    )
-    assert keys == [(f"semap.track_state_{day(5):%Y%m%d}",)]
-    assert maintain(world.dsn).keyed_days == []
-    assert stored(world.connection) == [bits(row) for row in some_states(5)]
-
-
-def test_writers_of_late_states_go_on_while_their_day_is_packed(world: World) -> None:
+def test_writers_of_late_states_go_on_while_others_are_compacted(world: World) -> None:
     make_partitions(world.connection, 3)
-    retain(world.connection, "states", pack="1 d")
     tracks = [world.add_track(name) for name in "abc"]
     begin_us, rounds = to_us(midnight(3)), Semaphore(0)
     states = [(tracks[n % 3], begin_us + n * 7_000_000, 0.1 * n, 1.0, None) for n in range(9000)]
@@ -270,11 +230,10 @@ def test_writers_of_late_states_go_on_while_their_day_is_packed(world: World) ->
     with ThreadPoolExecutor() as pool:
         writing = pool.submit(write_all)
         while not writing.done():
-            maintain(world.dsn)
+            world.run("select semap.compact_states(%s, 0)", world.source_id)
             rounds.release()
         writing.result()
-    maintain(world.dsn)
-    assert world.one("select count(*) from semap.track_state") == 0
+    compact(world.connection)
     found = world.rows("select track_id, stamp, x_m from semap.stored_state order by 2")
     assert [(track, to_us(stamp), x_m) for track, stamp, x_m in found] == [each[:3] for each in states]
     assert world.one("select sum(track_states) from semap.source_count") == len(states)
@@ -349,11 +308,9 @@ def test_what_reads_what_is_gone_says_so(world: World, caplog: pytest.LogCapture
 @pytest.mark.parametrize(
     ("ages", "said"),
     [
-        ({("states", "pack_after"): timedelta(days=9), ("states", "drop_after"): timedelta(days=9)}, "before they are"),
-        ({("states", "drop_after"): timedelta(0)}, "to drop states"),
-        ({("events", "drop_after"): timedelta(days=-1)}, "to drop events"),
-        ({("lines", "pack_after"): timedelta(days=1)}, "cannot be packed"),
-        ({("states", "drop_after"): timedelta(days=99_999)}, "to drop states"),
+        ({"states": timedelta(0)}, "to drop states"),
+        ({"events": timedelta(days=-1)}, "to drop events"),
+        ({"states": timedelta(days=99_999)}, "to drop states"),
     ],
 )  # fmt: skip
 def test_an_age_that_cannot_be_is_refused(world: World, ages: dict, said: str) -> None:
@@ -365,22 +322,17 @@ def test_an_age_that_cannot_be_is_refused(world: World, ages: dict, said: str) -
 
 def test_ages_are_changed_one_by_one(world: World) -> None:
     with connect(world.dsn, "semap_admin") as admin:
-        change_retention(admin, {("states", "pack_after"): timedelta(days=7)})
-        change_retention(admin, {("states", "drop_after"): timedelta(days=90)})
-        with pytest.raises(InvalidInput, match="before they are packed"):
-            change_retention(admin, {("states", "pack_after"): timedelta(days=90)})
-        change_retention(
-            admin, {("states", "pack_after"): timedelta(days=95), ("states", "drop_after"): None}
-        )
-        kept = read_retention(admin)["states"]
-    assert (kept.pack_after, kept.drop_after) == (timedelta(days=95), None)
+        change_retention(admin, {"states": timedelta(days=90)})
+        change_retention(admin, {"lines": timedelta(days=7)})
+        change_retention(admin, {"states": None})
+        kept = read_retention(admin)
+    assert (kept["states"].drop_after, kept["lines"].drop_after) == (None, timedelta(days=7))
 
 
 @pytest.mark.parametrize("role", ["semap_read", "semap_ingest", "semap_api", "semap_read_map"])
 def test_others_may_not_drop(world: World, role: str) -> None:
     with connect(world.dsn, role) as connection:
-        for call in ("drop_day('track_state', current_date)", "pack_states(now())", "drop_rows('states', 1)",
-                     "key_day(current_date)"):  # fmt: skip
+        for call in ("drop_day('state_chunk', current_date)", "compact_states(1)", "drop_rows('states', 1)"):  # fmt: skip
             with pytest.raises(psycopg.errors.InsufficientPrivilege):
                 connection.execute(f"select semap.{call}")
         with pytest.raises(psycopg.errors.InsufficientPrivilege):

@@ -38,7 +38,7 @@ QUERIES = {
 }  # fmt: skip
 
 
-TAKE_FRAMES = ("plain", "debounced", "of the first", "likely")
+MAY_WAIT = ("plain", "debounced", "of the first", "likely")
 """Queries of maps whose states may stay frames for a while."""
 
 

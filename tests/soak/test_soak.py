@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 from busy_building import (
+    MAY_WAIT,
     QUERIES,
     ROOMS,
-    TAKE_FRAMES,
     Done,
     Shift,
     add_query,
@@ -43,7 +43,7 @@ def differing(dsn: str) -> list[Any]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("queries", [tuple(QUERIES), TAKE_FRAMES], ids=["all queries", "in frames"])
+@pytest.mark.parametrize("queries", [tuple(QUERIES), MAY_WAIT], ids=["all queries", "positions may wait"])
 def test_writers_an_editor_and_readers_for_long(world: World, queries: tuple[str, ...]) -> None:
     world.run("select semap.ensure_partitions(array['2001-09-09'::date])")
     for number in range(ROOMS):
@@ -62,26 +62,26 @@ def test_writers_an_editor_and_readers_for_long(world: World, queries: tuple[str
     for process in processes:
         process.start()
     gate.wait(120)
-    started_s, looked, framed = time.time(), 0, 0
+    started_s, looked, unflushed = time.time(), 0, 0
     with settling(world.dsn):
         while time.time() < started_s + SECONDS:
             assert differing(world.dsn) == [], f"while they worked, after {time.time() - started_s:.0f} s"
             looked += 1
-            framed += world.one("select count(*) from semap.track_state_frame")
+            unflushed += world.one("select count(*) from semap.source_count where unflushed > 0")
     done: list[Done] = [told.get(timeout=120) for _ in processes]
     for process in processes:
         process.join(60)
     assert [each.failed for each in done if each.failed] == []
     counts = sum((Counter(each.counts) for each in done), Counter())
     counts["changes"] = world.one("select count(*) from semap.relation_change")
-    print(f"{SECONDS:.0f} s: looked {looked} times, saw {framed} frames, {dict(counts)}")  # noqa: T201
+    print(f"{SECONDS:.0f} s: looked {looked} times, saw {unflushed} sources unflushed, {dict(counts)}")  # noqa: T201
     assert world.one("select deadlocks from pg_stat_database where datname = current_database()") == 0
     assert world.one("select count(*) from semap.stored_state") == counts["states"]
     assert counts["states"] > 10 * SECONDS
     assert counts["handed over"] > SECONDS / 10
     assert counts["changes"] > SECONDS
-    if queries == TAKE_FRAMES:
-        assert framed > 0
+    if queries == MAY_WAIT:
+        assert unflushed > 0
     else:
         assert (
             world.one("select count(*) from semap.relation_change where object_track_id is not null")

@@ -72,14 +72,14 @@ def held_by(engine: Engine, kind: str) -> dict[str, dict[str, str]]:
         }
 
 
-@pytest.mark.filterwarnings("ignore:Did not recognize type '(pg_lsn|regrole)'")
+@pytest.mark.filterwarnings("ignore:Did not recognize type '(pg_lsn|regrole|semap.track_state)'")
 def test_tables_and_views_are_those_of_the_database(engine: Engine) -> None:
     assert read_from(TABLES.values()) == held_by(engine, "{r,p}")
     views = held_by(engine, "{v}")
     assert read_from(VIEWS) == {view.name: views[view.name] for view in VIEWS}
 
 
-@pytest.mark.filterwarnings("ignore:Did not recognize type '(pg_lsn|regrole)'")
+@pytest.mark.filterwarnings("ignore:Did not recognize type '(pg_lsn|regrole|semap.track_state)'")
 def test_a_later_migration_changes_what_the_first_made(
     database: str, engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -113,7 +113,7 @@ class Play:
     def _write(self, source_id: int, states: list[tuple], way: Way, later: list[list[tuple]]) -> None:
         newest_us = states[-1][1]
         if way.batch is None:
-            self.world.insert_frame(states, source_id)
+            self.world.send_batch(states, source_id)
         else:
             self.world.copy_states(states)
         if way.says:

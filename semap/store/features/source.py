@@ -16,6 +16,7 @@ from sqlalchemy import (
     and_,
     case,
     cast,
+    column,
     false,
     func,
     literal_column,
@@ -42,7 +43,6 @@ from semap.store.database.tables import (
 )
 from semap.store.features.collection import Collection
 from semap.store.map.selection import FOOTPRINT, INSTANCE, POSITION, with_shapes
-from semap.store.motion.seen_state import SEEN, seen_at
 
 Sql = ColumnElement[Any]
 GEOMETRY = "geometry"
@@ -237,14 +237,17 @@ _RELATIONS = Source(
     end=null(),
 )
 
-_PAST = SEEN.alias("past")
-_SEEN_THERE = and_(_PAST.c.track_id == event.c.track_id, seen_at(event.c.stamp, _PAST))
+_PAST = (
+    func.semap.states(func.array_fill(event.c.track_id, text("array[1]")), event.c.stamp, event.c.stamp)
+    .table_valued(column("x_m", Double), column("y_m", Double), column("z_m", Double))
+    .alias("past")
+)
 _AT_INSTANCE = (
     select(POSITION.c.geometry)
     .where(POSITION.c.instance_id == event.c.instance_id, POSITION.c.type == text("'Position2D'"))
     .scalar_subquery()
 )
-_HEIGHT = select(_PAST.c.z_m).where(_SEEN_THERE).scalar_subquery()
+_HEIGHT = select(_PAST.c.z_m).scalar_subquery()
 _EVENTS = Source(
     rows=event.join(event_number, event_number.c.event_id == event.c.event_id).outerjoin(
         event_amendment, event_amendment.c.event_id == event.c.event_id
@@ -291,9 +294,7 @@ _EVENTS = Source(
             "key": event.c.key,
             "measures": event.c.measures,
             GEOMETRY: func.coalesce(
-                select(func.public.st_makepoint(_PAST.c.x_m, _PAST.c.y_m))
-                .where(_SEEN_THERE)
-                .scalar_subquery(),
+                select(func.public.st_makepoint(_PAST.c.x_m, _PAST.c.y_m)).scalar_subquery(),
                 _AT_INSTANCE,
                 type_=None,
             ),
@@ -301,7 +302,7 @@ _EVENTS = Source(
         is_a=lambda name: _of_instance(name, event.c.instance_id),
     ),
     shape=func.coalesce(
-        select(_point(_PAST.c.x_m, _PAST.c.y_m, _PAST.c.z_m)).where(_SEEN_THERE).scalar_subquery(),
+        select(_point(_PAST.c.x_m, _PAST.c.y_m, _PAST.c.z_m)).scalar_subquery(),
         _AT_INSTANCE,
         type_=None,
     ),

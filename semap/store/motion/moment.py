@@ -16,7 +16,6 @@ from sqlalchemy import Connection, text
 from semap.store.database.connection import translated
 from semap.store.map.maps import map_id_of
 from semap.store.motion.live import UNKNOWN, ShownDoor, ShownTrack
-from semap.store.motion.track_history import STATES, within
 
 MOST_TRAIL_POINTS = 200
 
@@ -25,13 +24,12 @@ STAYING = text("""
     from semap.stays(:map_id, :at, :at)
     group by track_id
 """)
-SEEN = f"""
+SEEN = """
     select s.track_id, t.name, s.stamp, s.x_m, s.y_m, s.z_m, s.heading_rad, s.speed_mps,
            s.length_m, s.width_m, s.std_m, s.std_across_m, s.std_yaw_rad,
            s.is_last or coalesce(t.ended_at <= :at, false) as ended
-    from {STATES} s join semap.track t using (track_id)
-    where t.map_id = :map_id and {within(":since", ":at")}
-"""  # noqa: S608  (a constant)
+    from semap.states_of_map(:map_id, :since, :at) s join semap.track t using (track_id)
+"""
 RECENT = text(f"""
     with numbered as materialized (
       select *, count(*) over one_track - row_number() over (one_track order by stamp) as back,
@@ -58,7 +56,8 @@ LONG_SEEN = text("""
            '[]'::json as trail
     from unnest(cast(:track_ids as bigint[]), cast(:since as timestamptz[])) k (track_id, since)
     join semap.track t using (track_id)
-    cross join lateral semap.state_before(k.track_id, :at, k.since) s
+    cross join lateral semap.states_around(
+      k.track_id, cast(:at as timestamptz) + interval '1 us', 1, 0, 'infinity', k.since) s
 """)
 DOORS = text("""
     select i.instance_id, i.name, s.state, s.since

@@ -15,7 +15,6 @@ from semap.model.plan import Kind, Thing, Way
 from semap.store.database.connection import translated
 from semap.store.map.maps import map_id_of
 from semap.store.map.placement import map_from_frames
-from semap.store.motion.track_history import ALL_STATES, within
 
 MOST_POINTS = 500_000
 
@@ -35,13 +34,13 @@ THINGS = text("""
     where i.map_id = :map_id and c.name <> 'Storey'
     order by i.instance_id
 """)
-WAYS = text(f"""
+WAYS = text("""
     select t.track_id, t.name, s.stamp, s.x_m, s.y_m
-    from {ALL_STATES} s join semap.track t using (track_id)
-    where t.map_id = :map_id and {within(":from", ":to")} and s.stamp < :to
+    from semap.states_of_map(:map_id, :from, :to) s join semap.track t using (track_id)
+    where s.stamp < :to
       and (cast(:tracks as text[]) is null or t.name = any (:tracks))
     order by t.track_id, s.stamp limit :limit
-""")  # noqa: S608  (constants)
+""")
 
 
 def things(connection: Connection, map_name: str, storey: str | None = None) -> tuple[Thing, ...]:

@@ -12,6 +12,7 @@ import shapely
 from sqlalchemy import Connection, func, literal_column, select, update
 
 from semap.errors import NotFound
+from semap.model.track_state import STATE_COLUMNS, TrackState
 from semap.store.database.connection import translated
 from semap.store.database.tables import concept, map_, source, track, track_place
 from semap.store.map.concept import check_attributes, concept_id
@@ -20,29 +21,13 @@ NEVER = literal_column("'-infinity'::timestamptz", track_place.c.stamp.type)
 
 
 @dataclass(frozen=True)
-class TrackState:
-    """Where a track was last seen, in the map frame.
+class PresentState(TrackState):
+    """Where a track was last seen.
 
-    std_m              standard deviation: of all directions, or along the longer axis of the error ellipse
-    std_across_m       along the shorter axis; None where it is alike in all directions
-    std_yaw_rad        where the longer axis points, from x towards y
-    heading_rad        from x towards y, where the body faces
-    length_m, width_m  of the body, along the heading and across
-    footprint          the ground that it covers; None where its extent is not known
+    footprint  the ground that it covers; None where its extent is not known
     """
 
-    stamp: datetime
-    x_m: float
-    y_m: float
-    z_m: float | None
-    std_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    std_across_m: float | None
-    std_yaw_rad: float | None
-    footprint: shapely.Polygon | None
+    footprint: shapely.Polygon | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +46,7 @@ class Track:
     ended_at: datetime | None
     concept: str | None
     attributes: Mapping[str, Any]
-    state: TrackState | None
+    state: PresentState | None
 
 
 def list_tracks(
@@ -142,8 +127,7 @@ def _track(row: Sequence[Any]) -> Track:
     if stamp is None:
         return Track(*[*known, None])
     footprint = None if shape is None else shapely.from_wkb(shape)
-    state = TrackState(*[stamp, *values, footprint])
-    return Track(*[*known, state])
+    return Track(*[*known, PresentState(*[stamp, *values, False, footprint])])
 
 
 _FOOTPRINT = func.semap.track_footprint(
@@ -165,16 +149,7 @@ _TRACKS = (
         concept.c.name,
         track.c.attributes,
         func.nullif(track_place.c.stamp, NEVER),
-        track_place.c.x_m,
-        track_place.c.y_m,
-        track_place.c.z_m,
-        track_place.c.std_m,
-        track_place.c.heading_rad,
-        track_place.c.speed_mps,
-        track_place.c.length_m,
-        track_place.c.width_m,
-        track_place.c.std_across_m,
-        track_place.c.std_yaw_rad,
+        *(track_place.c[name] for name in STATE_COLUMNS if name not in ("stamp", "is_last")),
         func.st_asbinary(_FOOTPRINT),
     )
     .select_from(track)

@@ -1,7 +1,7 @@
 """Where the bytes of a database go, and how fast it grows.
 
-Rows of tables are the server's own estimate, since to count them would be to read everything; packed states
-are counted.
+Rows of tables are the server's own estimate, since to count them would be to read everything; states are
+counted, which reads one row for many.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from semap.store.database.connection import translated
 from semap.store.operate.retention import Kind, Retention, read_retention
 from semap.timeline.stamp import EPOCH
 
+STATES = "states of tracks"
 GROUPS: Mapping[str, Sequence[str]] = {
-    "states of tracks": ("track_state",),
-    "states of the last seconds, in frames": ("track_state_frame",),
-    "states, packed": ("track_state_packed",),
+    STATES: ("state_chunk", "track_state"),
     "lines": ("line_observation",),
     "tracks and sources": (
         "track", "track_now", "track_amendment", "source", "source_count", "recording",
@@ -60,9 +59,9 @@ TABLES = """
     where c.relnamespace = 'semap'::regnamespace and c.relkind = 'r'
     order by 2 nulls last, 1
 """
-PACKED = """
-    select (from_stamp at time zone 'UTC')::date, sum(states)::bigint
-    from semap.track_state_packed group by 1 order by 1
+COUNTED = """
+    select to_date(substring(tableoid::regclass::text from '_([0-9]{8})$'), 'YYYYMMDD'), sum(states)::bigint
+    from semap.state_chunk group by 1
 """
 WHOLE = """
     select pg_database_size(current_database()), clock_timestamp(),
@@ -91,10 +90,9 @@ class Part:
 
 @dataclass(frozen=True)
 class DayOfStates:
-    """The states of a day in one form; day is None for those that lie in no partition of their day."""
+    """The states of a day; day is None for those that lie in no partition of their day."""
 
     day: date | None
-    is_packed: bool
     states: int
     table_bytes: int
     index_bytes: int
@@ -119,14 +117,10 @@ class DiskUse:
     def due(self) -> tuple[str, ...]:
         """What maintenance does next by the settings, in words."""
         states = self.retention["states"]
-        kept = [each for each in self.days if each.day and each.states]
-        rows = [each.day for each in kept if each.day and not each.is_packed]
-        all_ = [each.day for each in kept if each.day]
+        days = [each.day for each in self.days if each.day and each.states]
         said = []
-        if states.pack_after and rows:
-            said.append(f"states of {min(rows)} are packed {_when(min(rows), states.pack_after, self.at)}")
-        if states.drop_after and all_:
-            said.append(f"states of {min(all_)} are dropped {_when(min(all_), states.drop_after, self.at)}")
+        if states.drop_after and days:
+            said.append(f"states of {min(days)} are dropped {_when(min(days), states.drop_after, self.at)}")
         return tuple(said)
 
 
@@ -145,24 +139,24 @@ def read_disk_use(connection: psycopg.Connection) -> DiskUse:
     """As it is now."""
     with translated():
         tables = [_Table(*row) for row in connection.execute(TABLES)]
-        packed: list[tuple[date, int]] = connection.execute(PACKED).fetchall()
+        counted: dict[date | None, int] = dict(connection.execute(COUNTED).fetchall())
         total_bytes, at, log_bytes = connection.execute(WHOLE).fetchone() or (0, EPOCH, 0)
         retention = read_retention(connection)
-    days = _days(tables, packed)
-    parts = _parts(tables, sum(count for _, count in packed))
+    days = _days(tables, counted)
+    parts = _parts(tables, sum(counted.values()))
     parts.append(Part(REST, None, total_bytes - sum(part.bytes for part in parts), 0))
     parts.append(Part(LOG, None, log_bytes, 0))
     growth = _growth(tables, days, at.date())
     return DiskUse(at, total_bytes + log_bytes, tuple(parts), days, *growth, retention)
 
 
-def _parts(tables: Sequence[_Table], packed: int) -> list[Part]:
-    """By group; packed states are told by states, not by the rows that hold them."""
+def _parts(tables: Sequence[_Table], states: int) -> list[Part]:
+    """By group; states are told by themselves, not by the rows that hold them."""
     parts = []
     for group, names in {**GROUPS, OTHERS: None}.items():
         known = {name for names in GROUPS.values() for name in names} if names is None else names
         of_group = [each for each in tables if (each.name in known) is not (names is None)]
-        rows = packed if group == "states, packed" else sum(each.rows for each in of_group)
+        rows = states if group == STATES else sum(each.rows for each in of_group)
         parts.append(
             Part(
                 group,
@@ -174,23 +168,13 @@ def _parts(tables: Sequence[_Table], packed: int) -> list[Part]:
     return parts
 
 
-def _days(tables: Sequence[_Table], packed: Sequence[tuple[date, int]]) -> tuple[DayOfStates, ...]:
-    """By day; packed states have a share of their table."""
+def _days(tables: Sequence[_Table], counted: Mapping[date | None, int]) -> tuple[DayOfStates, ...]:
     days = [
-        DayOfStates(each.day, False, each.rows, each.table_bytes, each.index_bytes)
+        DayOfStates(each.day, counted.get(each.day, 0), each.table_bytes, each.index_bytes)
         for each in tables
-        if each.name == "track_state" and (each.day or each.rows)
+        if each.name == "state_chunk" and (each.day or counted.get(None))
     ]
-    in_all = sum(count for _, count in packed)
-    for table in tables:
-        if table.name == "track_state_packed":
-            days += [
-                DayOfStates(
-                    day, True, count, table.table_bytes * count // in_all, table.index_bytes * count // in_all
-                )
-                for day, count in packed
-            ]
-    return tuple(sorted(days, key=lambda each: (each.day is None, each.day or date.min, each.is_packed)))
+    return tuple(sorted(days, key=lambda each: (each.day is None, each.day or date.min)))
 
 
 def _growth(tables: Sequence[_Table], days: Sequence[DayOfStates], today: date) -> tuple[int, int]:

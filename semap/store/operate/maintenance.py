@@ -1,9 +1,9 @@
-"""What keeps a database that grows in shape: partitions ahead, and what is old packed or dropped.
+"""What keeps a database that grows in shape: partitions ahead, and what is old dropped.
 
 All of it is done in short steps, each a transaction of its own, so that it may end at any moment and the next
 time goes on. A step that needs a lock on a whole table waits for it only shortly, since everybody who comes
 after waits as well; it tries again, and at last leaves it for the next time. The steps are functions of the
-database (sql/144, sql/145), which do nothing that the settings do not say.
+database (sql/144), which do nothing that the settings do not say.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import date, datetime, timedelta
+from datetime import date
 from threading import Event as Signal
 from typing import Any
 
@@ -31,7 +31,7 @@ PAUSE_S = 0.5
 ATTEMPTS = 20
 DAYS_AHEAD = 3
 ROWS_AT_ONCE = 2000
-TABLES: dict[str, Kind] = {"track_state": "states", "line_observation": "lines"}
+TABLES: dict[str, Kind] = {"state_chunk": "states", "line_observation": "lines"}
 
 AHEAD = """
     select array(
@@ -44,24 +44,16 @@ AHEAD = """
 """
 MAKE = "select semap.ensure_partitions(%s::date[])"
 PAST = """
-    select d.day, d.day < (semap.kept_since(%(kind)s) at time zone 'UTC')::date,
-           not exists (select from pg_index x where x.indrelid = d.partition and x.indisprimary)
+    select d.day, d.day < (semap.kept_since(%(kind)s) at time zone 'UTC')::date
     from semap.day_partitions() d
     where d.of_table = %(table)s and d.day < (clock_timestamp() at time zone 'UTC')::date order by d.day
 """
-EMPTY = {
-    table: f"select not exists (select from semap.{table} where stamp >= %(day)s::timestamptz"  # noqa: S608  (constants)
-    " and stamp < %(day)s::timestamptz + interval '24 h')"
-    for table in TABLES
-}
-NEXT_SLOT = """
-    select date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state
-    where stamp >= greatest(%s, semap.kept_since('states')) and stamp < semap.rows_since()
-    order by stamp limit 1
+EMPTY = """
+    select not exists (select from semap.{table} where {stamp} >= %(day)s::timestamptz
+                                                   and {stamp} < %(day)s::timestamptz + interval '24 h')
 """
+STAMPS = {"state_chunk": "from_stamp", "line_observation": "stamp"}
 DROP_DAY = "select semap.drop_day(%s, %s)"
-KEY_DAY = "select semap.key_day(%s)"
-PACK = "select semap.pack_states(%s)"
 DROP_ROWS = "select semap.drop_rows(%s, %s)"
 DROP_REQUESTS = """
     with dropped as (
@@ -71,9 +63,7 @@ DROP_REQUESTS = """
 OLD_ROWS = """
     select kind, count(*)
     from (
-      select 'states' as kind from semap.track_state_packed where from_stamp < semap.kept_since('states')
-      union all
-      select 'states' from semap.track_state_default where stamp < semap.kept_since('states')
+      select 'states' as kind from semap.state_chunk_default where from_stamp < semap.kept_since('states')
       union all
       select 'lines' from semap.line_observation_default where stamp < semap.kept_since('lines')
       union all
@@ -82,14 +72,6 @@ OLD_ROWS = """
       select 'events' from semap.event where stamp < semap.kept_since('events')) old
     group by kind
 """
-TO_PACK = """
-    select (stamp at time zone 'UTC')::date, count(*) from semap.track_state
-    where stamp >= coalesce(semap.kept_since('states'), '-infinity') and stamp < semap.rows_since()
-    group by 1 order by 1
-"""
-HALF_HOUR = timedelta(minutes=30)
-FIRST = datetime.fromisoformat("1800-01-01T00:00:00Z")
-
 Advance = Callable[[str], None]
 
 
@@ -98,17 +80,13 @@ class Maintained:
     """What was done, or would be in a dry run.
 
     made_days    days ahead for which there were no partitions
-    keyed_days   past days that got their key
-    packed       how many states, by day
     dropped_days whole days of a table: not kept any longer, or empty
-    dropped_rows by kind; a row of packed states counts as one
+    dropped_rows by kind; a chunk of states counts as one
     put_off      what was in use for so long that it is left for the next time
     is_busy      somebody else is at it, and nothing was done
     """
 
     made_days: list[date] = field(default_factory=list)
-    keyed_days: list[date] = field(default_factory=list)
-    packed: dict[date, int] = field(default_factory=dict)
     dropped_days: dict[str, list[date]] = field(default_factory=dict)
     dropped_rows: dict[str, int] = field(default_factory=dict)
     put_off: list[str] = field(default_factory=list)
@@ -154,9 +132,7 @@ class _Maintenance:
     def run(self) -> Maintained:
         steps = (
             self._make_ahead,
-            self._key,
             self._drop_days,
-            self._pack,
             self._drop_empty,
             self._drop_rows,
             self._drop_requests,
@@ -171,21 +147,18 @@ class _Maintenance:
         if days and self._patiently("new partitions", MAKE, [days]) is not None:
             self._done.made_days = days
 
-    def _key(self) -> None:
-        for day, is_old, lacks_key in _past_days(self._connection, "track_state"):
-            if lacks_key and not is_old and self._patiently(f"the key of {day}", KEY_DAY, [day]):
-                self._done.keyed_days.append(day)
-
     def _drop_days(self) -> None:
         for table in TABLES:
-            for day, is_old, _ in _past_days(self._connection, table):
+            for day, is_old in _past_days(self._connection, table):
                 if is_old:
                     self._drop_day(table, day)
 
     def _drop_empty(self) -> None:
         for table in TABLES:
-            for day, is_old, _ in _past_days(self._connection, table):
-                if not is_old and _one(self._connection, EMPTY[table], {"day": f"{day}T00:00Z"}):
+            for day, is_old in _past_days(self._connection, table):
+                if not is_old and _one(
+                    self._connection, EMPTY.format(table=table, stamp=STAMPS[table]), {"day": f"{day}T00:00Z"}
+                ):
                     self._drop_day(table, day)
 
     def _drop_day(self, table: str, day: date) -> None:
@@ -193,16 +166,6 @@ class _Maintenance:
             return
         if self._patiently(f"{WORDS[TABLES[table]]} of {day}", DROP_DAY, [table, day]):
             self._done.dropped_days.setdefault(table, []).append(day)
-
-    def _pack(self) -> None:
-        after = FIRST
-        while not self._stop.is_set() and (slot := _one(self._connection, NEXT_SLOT, [after])) is not None:
-            day = slot.date()
-            if day not in self._done.packed:
-                self._advance(f"packing the states of {day}")
-            packed = self._patiently(f"states of {slot:%Y-%m-%d %H:%M}", PACK, [slot])
-            self._done.packed[day] = self._done.packed.get(day, 0) + (packed or 0)
-            after = slot + HALF_HOUR
 
     def _drop_rows(self) -> None:
         for kind, words in WORDS.items():
@@ -240,12 +203,8 @@ def _look(connection: psycopg.Connection) -> Maintained:
     """What would be done now."""
     found = Maintained(made_days=_missing_days(connection))
     for table in TABLES:
-        past = _past_days(connection, table)
-        if table == "track_state":
-            found.keyed_days = [day for day, is_old, lacks_key in past if lacks_key and not is_old]
-        if old := [day for day, is_old, _ in past if is_old]:
+        if old := [day for day, is_old in _past_days(connection, table) if is_old]:
             found.dropped_days[table] = old
-    found.packed = dict(connection.execute(TO_PACK).fetchall())
     found.dropped_rows = dict(connection.execute(OLD_ROWS).fetchall())
     return found
 
@@ -255,12 +214,10 @@ def _missing_days(connection: psycopg.Connection) -> list[date]:
     return list(days or ())
 
 
-def _past_days(connection: psycopg.Connection, table: str) -> list[tuple[date, bool, bool]]:
-    """Days of the past that have a partition; whether they are not kept any longer, and lack their key."""
-    return [
-        (day, bool(is_old), table == "track_state" and lacks_key)
-        for day, is_old, lacks_key in connection.execute(PAST, {"kind": TABLES[table], "table": table})
-    ]
+def _past_days(connection: psycopg.Connection, table: str) -> list[tuple[date, bool]]:
+    """Days of the past that have a partition, and whether they are not kept any longer."""
+    found = connection.execute(PAST, {"kind": TABLES[table], "table": table})
+    return [(day, bool(is_old)) for day, is_old in found]
 
 
 def _one(

@@ -1,4 +1,4 @@
-"""How long what is kept, and what has been dropped. Nothing is packed or dropped unless somebody says so.
+"""How long what is kept, and what has been dropped. Nothing is dropped unless somebody says so.
 
 Age is by event time against the clock of the database, and what goes, goes by whole days (UTC).
 """
@@ -16,7 +16,6 @@ from semap.errors import InvalidInput
 from semap.store.database.connection import translated
 
 Kind = Literal["states", "lines", "changes", "events"]
-Age = Literal["pack_after", "drop_after"]
 WORDS: Mapping[Kind, str] = {
     "states": "states of tracks",
     "lines": "lines",
@@ -25,9 +24,9 @@ WORDS: Mapping[Kind, str] = {
 }
 LONGEST = timedelta(days=36_525)
 
-READ = "select kind, pack_after, drop_after, gone_before from semap.retention"
-LOCK = "select kind, pack_after, drop_after, gone_before from semap.retention for update"
-CHANGE = "update semap.retention set pack_after = %s, drop_after = %s where kind = %s"
+READ = "select kind, drop_after, gone_before from semap.retention"
+LOCK = "select kind, drop_after, gone_before from semap.retention for update"
+CHANGE = "update semap.retention set drop_after = %s where kind = %s"
 GONE = "select gone_before from semap.retention where kind = %s and gone_before > %s"
 GONE_STATES = """
     select r.gone_before from semap.retention r
@@ -41,7 +40,6 @@ class Retention:
     """How long a kind is kept. None: for ever; what is before `gone_before` was dropped."""
 
     kind: Kind
-    pack_after: timedelta | None = None
     drop_after: timedelta | None = None
     gone_before: datetime | None = None
 
@@ -53,22 +51,20 @@ def read_retention(connection: psycopg.Connection) -> Mapping[Kind, Retention]:
 
 
 def change_retention(
-    connection: psycopg.Connection, ages: Mapping[tuple[Kind, Age], timedelta | None]
+    connection: psycopg.Connection, ages: Mapping[Kind, timedelta | None]
 ) -> Mapping[Kind, Retention]:
     """Change these ages and leave all others; None is never.
 
-    raises  InvalidInput for an age that is not above zero, and where states would go before they are packed
+    raises  InvalidInput for an age that is not above zero
     """
     with translated(), connection.transaction():
-        kept = _read(connection, LOCK)
-        for kind in kept:
-            new = Retention(
-                kind,
-                ages.get((kind, "pack_after"), kept[kind].pack_after),
-                ages.get((kind, "drop_after"), kept[kind].drop_after),
-            )
-            _check(new)
-            connection.execute(CHANGE, [new.pack_after, new.drop_after, kind])
+        _read(connection, LOCK)
+        for kind, age in ages.items():
+            if age is not None and not timedelta(0) < age <= LONGEST:
+                raise InvalidInput(
+                    f"to drop {WORDS[kind]} after {age}", "Give an age such as 7d, or never.", kind
+                )
+            connection.execute(CHANGE, [age, kind])
         return _read(connection, READ)
 
 
@@ -95,22 +91,6 @@ def _gone(kind: Kind, before: datetime, margin: timedelta = timedelta(0)) -> Inv
     return InvalidInput(
         f"the {WORDS[kind]} before {before:%Y-%m-%d} were dropped", f"Begin at {first} or later."
     )
-
-
-def _check(kept: Retention) -> None:
-    for age, said in ((kept.pack_after, "pack"), (kept.drop_after, "drop")):
-        if age is not None and not timedelta(0) < age <= LONGEST:
-            raise InvalidInput(
-                f"to {said} {WORDS[kept.kind]} after {age}", "Give an age such as 7d, or never.", kept.kind
-            )
-    if kept.pack_after is not None and kept.kind != "states":
-        raise InvalidInput(f"{WORDS[kept.kind]} cannot be packed", "Give an age to drop them.", kept.kind)
-    if kept.pack_after is not None and kept.drop_after is not None and kept.drop_after <= kept.pack_after:
-        raise InvalidInput(
-            "states would be dropped before they are packed",
-            "Pack them earlier, drop them later, or set one of the two to never.",
-            kept.kind,
-        )
 
 
 def _read(connection: psycopg.Connection, statement: str) -> Mapping[Kind, Retention]:

@@ -23,7 +23,7 @@ NEVER = "never"
 
 
 def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
-    """Show where bytes go, how fast the database grows, and what becomes of old states.
+    """Show where bytes go, how fast the database grows, and when old states are dropped.
 
     Rows are about as many, as PostgreSQL estimates them; a day of states is one of event time, in UTC.
     """
@@ -57,14 +57,10 @@ def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
         f"A day brings about {_bytes(use.growth_bytes)} and {counted(use.growth_states, 'state')}"
         " (mean of the last 7 days)."
     )
-    typer.echo("\n".join(f"Next: {said}." for said in use.due()) or "No states will be packed or dropped.")
+    typer.echo("\n".join(f"Next: {said}." for said in use.due()) or "No states will be dropped.")
 
 
 def retention(
-    pack_states_after: Annotated[
-        str | None,
-        typer.Option(metavar="AGE", help="Pack the states of days of this age, such as 7d, or never."),
-    ] = None,
     drop_states_after: Annotated[
         str | None, typer.Option(metavar="AGE", help="Drop the states of days of this age.")
     ] = None,
@@ -90,13 +86,12 @@ def retention(
     from semap.store.operate.retention import change_retention, read_retention  # noqa: PLC0415
 
     ages = {
-        ("states", "pack_after"): pack_states_after,
-        ("states", "drop_after"): drop_states_after,
-        ("lines", "drop_after"): drop_lines_after,
-        ("changes", "drop_after"): drop_changes_after,
-        ("events", "drop_after"): drop_events_after,
+        "states": drop_states_after,
+        "lines": drop_lines_after,
+        "changes": drop_changes_after,
+        "events": drop_events_after,
     }
-    said: Any = {key: _age(text, key) for key, text in ages.items() if text is not None}
+    said: Any = {kind: _age(text, kind) for kind, text in ages.items() if text is not None}
     with database(dsn) as opened, connect(opened, "semap_admin") as connection:
         kept = change_retention(connection, said) if said else read_retention(connection)
     rows = [_retention_row(each) for each in kept.values()]
@@ -111,7 +106,7 @@ def maintain(
     as_json: AsJson = False,
     dsn: Dsn = None,
 ) -> None:
-    """Run maintenance now: make partitions ahead, and pack and drop old data by `semap db retention`.
+    """Run maintenance now: make partitions ahead, and drop old data by `semap db retention`.
 
     The rule worker does the same once an hour. It may be stopped at any moment; tables in use are left for
     the next time.
@@ -133,13 +128,11 @@ def _told(done: Maintained, *, dry_run: bool) -> list[str]:
         return ["Another process is at it; nothing was done."]
     was, were = ("would be", "would be") if dry_run else ("was", "were")
     lines = [f"{counted(len(done.made_days), 'day')} ahead {were} made."] if done.made_days else []
-    lines += [f"The key of {day} {was} added." for day in done.keyed_days]
-    lines += [f"{counted(states, 'state')} of {day} {were} packed." for day, states in done.packed.items()]
     for table, days in done.dropped_days.items():
-        what = "states" if table == "track_state" else "lines"
+        what = "states" if table == "state_chunk" else "lines"
         lines += [f"The partition of {what} of {day} {was} dropped." for day in days]
     for kind, rows in done.dropped_rows.items():
-        what = "packed rows of states and late ones" if kind == "states" else f"rows of {kind}"
+        what = "chunks of states" if kind == "states" else f"rows of {kind}"
         lines.append(f"{rows} {what} {were} dropped.")
     lines += [f"In use, and left for the next time: {what}." for what in done.put_off]
     return lines or ["Nothing is due."]
@@ -149,13 +142,11 @@ def _maintained_json(done: Maintained) -> dict[str, Any]:
     return {
         **asdict(done),
         "made_days": [str(day) for day in done.made_days],
-        "keyed_days": [str(day) for day in done.keyed_days],
-        "packed": {str(day): states for day, states in done.packed.items()},
         "dropped_days": {table: [str(day) for day in days] for table, days in done.dropped_days.items()},
     }
 
 
-def _age(text: str, key: Sequence[str]) -> timedelta | None:
+def _age(text: str, kind: str) -> timedelta | None:
     """None for never.
 
     raises  InvalidInput for anything else that is no age
@@ -163,7 +154,7 @@ def _age(text: str, key: Sequence[str]) -> timedelta | None:
     from semap.errors import InvalidInput  # noqa: PLC0415
     from semap.rules.language.duration import read_duration  # noqa: PLC0415
 
-    option = f"--{key[1].removesuffix('_after')}-{key[0]}-after"
+    option = f"--drop-{kind}-after"
     if text.strip() == NEVER:
         return None
     if text.strip().replace(".", "").isdigit():
@@ -176,7 +167,6 @@ def _retention_row(kept: Retention) -> dict[str, Any]:
 
     return {
         "what": WORDS[kept.kind],
-        "packed after": _age_text(kept.pack_after) if kept.kind == "states" else None,
         "dropped after": _age_text(kept.drop_after),
         "dropped up to": "" if kept.gone_before is None else f"{kept.gone_before:%Y-%m-%d}",
     }
@@ -185,7 +175,6 @@ def _retention_row(kept: Retention) -> dict[str, Any]:
 def _retention_json(kept: Retention) -> dict[str, Any]:
     return {
         "kind": kept.kind,
-        "pack_after_s": None if kept.pack_after is None else kept.pack_after.total_seconds(),
         "drop_after_s": None if kept.drop_after is None else kept.drop_after.total_seconds(),
         "gone_before": kept.gone_before,
     }
@@ -198,36 +187,30 @@ def _age_text(age: timedelta | None) -> str:
 
 
 def _day_rows(days: Sequence[DayOfStates]) -> list[Mapping[str, Any]]:
-    """The last days one by one, and those before together, by form; those without states are left out."""
+    """The last days one by one, and those before together; those without states are left out."""
     days = [each for each in days if each.states]
     recent = set(sorted({each.day for each in days if each.day})[-SHOWN_DAYS:])
     rows: list[Mapping[str, Any]] = []
-    before = [each for each in days if each.day and each.day not in recent]
-    for is_packed in (False, True):
-        if of_form := [each for each in before if each.is_packed is is_packed]:
-            rows.append(
-                _day_row(
-                    f"{counted(len(of_form), 'day')} before",
-                    is_packed,
-                    sum(each.states for each in of_form),
-                    sum(each.table_bytes for each in of_form),
-                    sum(each.index_bytes for each in of_form),
-                )
+    if before := [each for each in days if each.day and each.day not in recent]:
+        rows.append(
+            _day_row(
+                f"{counted(len(before), 'day')} before",
+                sum(each.states for each in before),
+                sum(each.table_bytes for each in before),
+                sum(each.index_bytes for each in before),
             )
+        )
     shown = [each for each in days if each.day is None or each.day in recent]
     rows += [
-        _day_row(
-            str(each.day or "no partition"), each.is_packed, each.states, each.table_bytes, each.index_bytes
-        )
+        _day_row(str(each.day or "no partition"), each.states, each.table_bytes, each.index_bytes)
         for each in shown
     ]
     return rows
 
 
-def _day_row(day: str, is_packed: bool, states: int, table: int, index: int) -> Mapping[str, Any]:
+def _day_row(day: str, states: int, table: int, index: int) -> Mapping[str, Any]:
     return {
         "states of": day,
-        "as": "packed" if is_packed else "rows",
         "states": states,
         "table": _bytes(table),
         "indexes": _bytes(index),

@@ -13,11 +13,11 @@ from datetime import datetime
 from itertools import accumulate, pairwise
 from typing import Literal, TypeAlias
 
-from semap.store.motion.track_history import PastState
+from semap.model.track_state import TrackState
 
 LONGEST_PIECE = 1000
 
-Piece: TypeAlias = tuple[PastState, ...]
+Piece: TypeAlias = tuple[TrackState, ...]
 Quantity: TypeAlias = Literal["distance", "velocity", "acceleration"]
 
 UNITS: dict[Quantity, str] = {"distance": "MTR", "velocity": "MTS", "acceleration": "MSK"}
@@ -33,9 +33,9 @@ class Values:
     interpolation: Literal["Linear", "Step"]
 
 
-def pieces(states: Sequence[PastState]) -> Iterator[Piece]:
+def pieces(states: Sequence[TrackState]) -> Iterator[Piece]:
     """States in their order, in pieces."""
-    piece: list[PastState] = []
+    piece: list[TrackState] = []
     for each in states:
         if piece and piece[-1].is_last:
             yield tuple(piece)
@@ -48,7 +48,7 @@ def pieces(states: Sequence[PastState]) -> Iterator[Piece]:
         yield tuple(piece)
 
 
-def between(before: PastState, after: PastState | None, stamp: datetime) -> PastState | None:
+def between(before: TrackState, after: TrackState | None, stamp: datetime) -> TrackState | None:
     """Where a track was at a time; None where it was lost, or has not been seen since."""
     if before.stamp == stamp:
         return before
@@ -67,9 +67,9 @@ def between(before: PastState, after: PastState | None, stamp: datetime) -> Past
     )
 
 
-def cut(states: Sequence[PastState], start: datetime, end: datetime) -> tuple[PastState, ...]:
+def cut(states: Sequence[TrackState], start: datetime, end: datetime) -> tuple[TrackState, ...]:
     """The way from `start` to `end`, which may lie between two states each."""
-    found: dict[datetime, PastState] = {}
+    found: dict[datetime, TrackState] = {}
     for before, after in pairwise(states):
         for stamp in (start, end):
             if before.stamp <= stamp <= after.stamp and (at := between(before, after, stamp)) is not None:
@@ -97,7 +97,7 @@ def _held(values: list[float]) -> list[float]:
     return [*values, values[-1] if values else 0.0]
 
 
-def _distance_m(a: PastState, b: PastState) -> float:
+def _distance_m(a: TrackState, b: TrackState) -> float:
     rise_m = 0.0 if a.z_m is None or b.z_m is None else b.z_m - a.z_m
     return math.hypot(b.x_m - a.x_m, b.y_m - a.y_m, rise_m)
 

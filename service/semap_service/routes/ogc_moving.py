@@ -13,9 +13,10 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from sqlalchemy import Connection
 
 from semap.errors import InvalidInput, NotFound
+from semap.model.track_state import TrackState
 from semap.store.features.collection import Collection, get_collection
 from semap.store.features.placing import Placing, System, placing_of, shown_shapes
-from semap.store.motion.track_history import PastState, history, state_at, states_around
+from semap.store.motion.track_history import history, state_at, states_around
 from semap.store.motion.tracks import get_track
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND, to_datetime, to_us
 from semap_service.database.transaction import Database, transaction
@@ -350,7 +351,7 @@ def _read(
     return found, further
 
 
-def _history(connection: Connection, asked: _Asked, first: datetime, limit: int) -> list[PastState]:
+def _history(connection: Connection, asked: _Asked, first: datetime, limit: int) -> list[TrackState]:
     """States of the interval, and the one after it, to which the track was on its way."""
     end = asked.end or LATEST
     end = max(end, first)

@@ -63,11 +63,9 @@ STATES = """
            std_across_m::float8, std_yaw_rad::float8, is_last
     from (
       select s.*, row_number() over (partition by s.track_id order by s.stamp desc) as back
-      from semap.stored_state s
+      from semap.states(%(ids)s, %(since)s, 'infinity') s
       join unnest(%(ids)s::bigint[], %(until)s::timestamptz[]) p (track_id, until) using (track_id)
       where s.stamp <= p.until
-        and s.stamp >= %(since)s and s.from_stamp > %(since)s::timestamptz - interval '30 min'
-        and s.to_stamp >= %(since)s
     ) newest
     where back <= %(most)s order by track_id, stamp
 """

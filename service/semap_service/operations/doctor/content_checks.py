@@ -15,9 +15,8 @@ EXPIRES_WITHIN = "7 days"
 PARTITIONS = 1000
 OVERDUE = """
     select d.day::text from semap.day_partitions() d
-    where d.day + 2 < (case d.of_table
-                         when 'track_state' then greatest(semap.kept_since('states'), semap.rows_since())
-                         else semap.kept_since('lines') end at time zone 'UTC')::date
+    where d.day + 2 < (semap.kept_since(case d.of_table when 'state_chunk' then 'states' else 'lines' end)
+                       at time zone 'UTC')::date
       and coalesce(d.made_at < clock_timestamp() - interval '2 h', true)
     order by d.day limit 100
 """
@@ -62,13 +61,9 @@ def _shapes(connection: psycopg.Connection) -> Iterator[Trouble]:
 
 
 def _partitions(connection: psycopg.Connection) -> Iterator[Trouble]:
-    for table in ("track_state", "line_observation"):
+    for table in ("state_chunk", "line_observation"):
         default = sql.Identifier("semap", f"{table}_default")
-        # states that came late for days that are packed lie there until the next maintenance
-        recent = "where stamp >= semap.rows_since() is not false" if table == "track_state" else ""
-        row = connection.execute(
-            sql.SQL("select exists (select from {} {})").format(default, sql.SQL(recent))
-        ).fetchone()
+        row = connection.execute(sql.SQL("select exists (select from {})").format(default)).fetchone()
         if row and row[0]:
             yield warn(
                 f"rows of {table} lie in its default partition, and are slower to find",
@@ -77,16 +72,16 @@ def _partitions(connection: psycopg.Connection) -> Iterator[Trouble]:
     overdue = connection.execute(OVERDUE).fetchall()
     if overdue:
         yield warn(
-            f"days that should have been packed or dropped by now: {listed([day for (day,) in overdue])}",
+            f"days that should have been dropped by now: {listed([day for (day,) in overdue])}",
             "See that semap work runs, which does it once an hour; or do it now: semap db maintain.",
         )
     row = connection.execute(
-        "select count(*) from pg_inherits where inhparent = 'semap.track_state'::regclass"
+        "select count(*) from pg_inherits where inhparent = 'semap.state_chunk'::regclass"
     ).fetchone()
     if row and row[0] > PARTITIONS:
         yield warn(
-            f"track_state has {row[0]} partitions, which makes each statement slower to plan",
-            "Say how long states are kept: semap db retention --pack-states-after 7d.",
+            f"state_chunk has {row[0]} partitions, which makes each statement slower to plan",
+            "Say how long states are kept: semap db retention --drop-states-after 30d.",
         )
 
 

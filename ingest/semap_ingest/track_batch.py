@@ -1,7 +1,6 @@
-"""The states of all tracks of a source at one moment, as one row of arrays (`sql/146`).
+"""Track batches: what a source says of many tracks at one stamp, as arrays (`semap.add_states`).
 
-A frame is one prepared INSERT: a COPY goes to the server twice, which is a sixth of the time of a small
-frame.
+A batch is one prepared statement: a COPY goes to the server twice, a sixth of the time of a small one.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from psycopg.pq import Format
 
 from semap.timeline.stamp import to_datetime
 
-INSERT = """
-    insert into semap.track_state_frame (
-      stamp, source_id, track_ids, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad)
-    values (%s, %s, %s, %s, %s, %s, %s, %s, %s)
+ADD = """
+    select semap.add_states(%s, %s, %s, x_m => %s, y_m => %s, z_m => %s, std_m => %s, std_across_m => %s,
+                            std_yaw_rad => %s)
 """
 NULL = b"\xff\xff\xff\xff"
 
@@ -58,7 +56,7 @@ for _kind in (_Bigint, _Float8, _Float4):
     psycopg.adapters.register_dumper(_kind, _dumper)
 
 
-def pack_frame(
+def pack_batch(
     source_id: int,
     stamp_us: int,
     track_id: NDArray[np.int64],
@@ -69,25 +67,23 @@ def pack_frame(
     *,
     ellipse: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> Sequence[object]:
-    """The row that `insert_frame` takes.
+    """What `send_batch` takes.
 
-    All arrays are (n,). Frames of the same tracks are stored fastest where these are in the same order. NaN
-    becomes null in all but the first three.
+    All arrays are (n,). NaN becomes null in all but the first three.
     """
     unknown = np.full(len(track_id), np.nan)
     std_across_m, std_yaw_rad = (unknown, unknown) if ellipse is None else ellipse
     return (
-        to_datetime(stamp_us),
         source_id,
+        to_datetime(stamp_us),
         _pack(track_id, _Bigint),
         *(_pack(each, _Float8) for each in (x_m, y_m, z_m)),
         *(_pack(each, _Float4) for each in (std_m, std_across_m, std_yaw_rad)),
     )
 
 
-def insert_frame(cursor: psycopg.Cursor[Any], row: Sequence[object]) -> None:
-    """Send a frame."""
-    cursor.execute(INSERT, row, prepare=True)
+def send_batch(cursor: psycopg.Cursor[Any], batch: Sequence[object]) -> None:
+    cursor.execute(ADD, batch, prepare=True)
 
 
 def _pack(values: NDArray[Any], kind: type[_Array]) -> _Array | None:

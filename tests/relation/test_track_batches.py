@@ -1,4 +1,4 @@
-"""States that come together as a frame: what a user of `semap.track_state_frame` meets."""
+"""States that come together as a track batch: what a user of `semap.add_states` meets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import psycopg
 import pytest
 import shapely
 from patience import until
-from semap_ingest.state_frame import insert_frame, pack_frame
+from semap_ingest.track_batch import pack_batch, send_batch
 from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
@@ -19,11 +19,10 @@ from semap.timeline.stamp import to_datetime
 from semap.worker.settling import settling
 
 ADD = """
-    insert into semap.track_state_frame
-      (stamp, source_id, track_ids, x_m, y_m, z_m, std_m, heading_rad, length_m, std_across_m, std_yaw_rad)
-    values (%(stamp)s, %(source_id)s, %(track_ids)s::bigint[], %(x_m)s::float8[], %(y_m)s::float8[],
-            %(z_m)s::float8[], %(std_m)s::real[], %(heading_rad)s::real[], %(length_m)s::real[],
-            %(std_across_m)s::real[], %(std_yaw_rad)s::real[])
+    select semap.add_states(
+      %(source_id)s, %(stamp)s, %(track_ids)s, %(x_m)s, %(y_m)s, %(z_m)s, %(std_m)s::real[],
+      heading_rad => %(heading_rad)s::real[], length_m => %(length_m)s::real[],
+      std_across_m => %(std_across_m)s::real[], std_yaw_rad => %(std_yaw_rad)s::real[])
 """
 FRAME_US = 100_000
 NAN = float("nan")
@@ -31,19 +30,25 @@ NAN = float("nan")
 
 @pytest.fixture
 def tracks(world: World) -> list[int]:
-    """Three, in a room, which came as two frames; the second one is kept."""
+    """Three, in a room, which came as two batches."""
     world.add_room("room", shapely.box(0, 0, 4, 4))
     ids = [world.add_track(name) for name in ("a", "b", "c")]
     for frame in (1, 2):
-        world.add_frame(
+        world.add_batch(
             [(track, frame * FRAME_US, 1.0 + number, 2.0, None) for number, track in enumerate(ids)]
         )
-    assert frames(world) == 1
     return ids
 
 
-def frames(world: World) -> int:
-    return world.one("select count(*) from semap.track_state_frame")
+def chunks(world: World) -> tuple[int, int]:
+    """How many there are of many tracks at a stamp, and of one track."""
+    return world.rows(
+        "select count(*) filter (where track_id is null), count(track_id) from semap.state_chunk"
+    )[0]
+
+
+def compact(world: World) -> None:
+    world.run("select semap.compact_all(array(select source_id from semap.source))")
 
 
 def stored(world: World) -> int:
@@ -70,7 +75,7 @@ BAD = {
         "ellipse_is_one",
     ),
     "far away, and calm": ({"x_m": [1e7 + 1.0] * 3}, "state_is_finite"),
-    "no tracks": ({"track_ids": None}, "null value in column"),
+    "no tracks": ({"track_ids": None}, "needs a stamp, track_ids, x_m and y_m"),
     "no such source": ({"source_id": 999_999}, "There is no source 999999"),
 }
 
@@ -85,7 +90,7 @@ def test_what_no_state_may_say_is_refused_and_changes_nothing(
         add(world, 3 * FRAME_US, tracks, **values)
     assert (world.relations(), world.changes(), stored(world)) == before
     add(world, 3 * FRAME_US, tracks)
-    assert frames(world) == 2
+    assert stored(world) == 9
 
 
 def test_tracks_that_are_unknown_of_another_source_or_named_twice_are_refused(
@@ -100,15 +105,15 @@ def test_tracks_that_are_unknown_of_another_source_or_named_twice_are_refused(
         add(world, 3 * FRAME_US, [*tracks, tracks[0]])
 
 
-def test_a_frame_of_none_is_nothing(world: World, tracks: list[int]) -> None:
+def test_a_batch_of_none_is_nothing(world: World, tracks: list[int]) -> None:
     add(world, 3 * FRAME_US, [])
-    assert frames(world) == 1
+    assert chunks(world) == (2, 0)
 
 
-@pytest.mark.parametrize("unfolded", [False, True])
-def test_what_is_sent_twice_is_refused(world: World, tracks: list[int], unfolded: bool) -> None:
-    if unfolded:
-        world.run("select semap.unfold_frames()")
+@pytest.mark.parametrize("compacted", [False, True])
+def test_what_is_sent_twice_is_refused(world: World, tracks: list[int], compacted: bool) -> None:
+    if compacted:
+        compact(world)
     for again in (lambda: add(world, 2 * FRAME_US, tracks),
                   lambda: world.add_states([(tracks[1], 2 * FRAME_US, 9.0, 9.0, None)])):  # fmt: skip
         with pytest.raises(psycopg.errors.UniqueViolation, match="already exists"):
@@ -116,7 +121,7 @@ def test_what_is_sent_twice_is_refused(world: World, tracks: list[int], unfolded
     assert stored(world) == 6
 
 
-def test_a_late_state_finds_what_came_as_frames(world: World, tracks: list[int]) -> None:
+def test_a_late_state_finds_what_came_as_batches(world: World, tracks: list[int]) -> None:
     for frame in range(3, 9):
         add(world, frame * FRAME_US, tracks)
     world.add_states([(tracks[0], 3 * FRAME_US + 1, 9.0, 9.0, None)])
@@ -124,7 +129,6 @@ def test_a_late_state_finds_what_came_as_frames(world: World, tracks: list[int])
         "select kind::text, (extract(epoch from stamp) * 1000000)::bigint from semap.relation_change"
         " where amendment is not null order by change_id"
     ) == [("ended", 3 * FRAME_US + 1), ("began", 4 * FRAME_US)]
-    assert frames(world) == 0
     assert stored(world) == 3 * 8 + 1
 
 
@@ -136,17 +140,16 @@ def test_a_track_that_is_deleted_leaves_no_state_behind(world: World, tracks: li
     assert stored(world) == 2 * 29
     add(world, 30 * FRAME_US, [tracks[0], tracks[2]])
     add(world, 31 * FRAME_US, [tracks[0], tracks[2]])
-    assert frames(world) == 1
     world.run("delete from semap.source where source_id = %s", world.source_id)
-    assert stored(world) == frames(world) == 0
+    assert (stored(world), chunks(world)) == (0, (0, 0))
 
 
-def test_a_map_that_is_deleted_leaves_no_frame_behind(world: World, tracks: list[int]) -> None:
+def test_a_map_that_is_deleted_leaves_no_state_behind(world: World, tracks: list[int]) -> None:
     world.run("delete from semap.map where map_id = %s", world.map_id)
-    assert stored(world) == frames(world) == 0
+    assert (stored(world), chunks(world)) == (0, (0, 0))
 
 
-def test_a_track_that_is_handed_over_takes_its_frames_along(world: World, tracks: list[int]) -> None:
+def test_a_track_that_is_handed_over_takes_its_states_along(world: World, tracks: list[int]) -> None:
     other = world.add_source("other")
     add(world, 3 * FRAME_US, tracks, x_m=[9.0, 1.5, 1.5])
     world.run("select semap.hand_over_tracks(%s, %s)", [tracks[1]], other)
@@ -160,8 +163,8 @@ def test_a_track_that_is_handed_over_takes_its_frames_along(world: World, tracks
     ]  # fmt: skip
     assert (
         world.one(
-            "select count(*) from semap.states_of_track(%s, '-infinity', 'infinity', '-infinity', 99)",
-            tracks[1],
+            "select count(*) from semap.states(%s, '-infinity', 'infinity')",
+            [tracks[1]],
         )
         == 5
     )
@@ -190,13 +193,13 @@ def test_arrays_of_any_bounds_mean_the_same(
     world: World, tracks: list[int], column: str, given: str, known: bool
 ) -> None:
     arrays = {"x_m": "{5,5,5}", "y_m": "{2,2,2}"}
-    insert = "insert into semap.track_state_frame (stamp, source_id, track_ids, {}) values (%s, %s, %s, {})"
     for frame, own in enumerate(["{0.5,0.5,0.5}"] * 2 * known + [given], start=3):
         values = arrays | {column: own}
         world.run(
-            insert.format(", ".join(values), ", ".join(["%s"] * len(values))),
-            to_datetime(frame * FRAME_US), world.source_id, tracks, *values.values(),
+            f"select semap.add_states(%s, %s, %s, {', '.join(f'{name} => %s' for name in values)})",
+            world.source_id, to_datetime(frame * FRAME_US), tracks, *values.values(),
         )  # fmt: skip
+    world.run("select semap.flush_positions(array[%s])", world.source_id)
     asked = f"select round({column}::numeric, 1)::float8 from semap.{{}} where stamp = %s order by track_id"
     for table in ("track_now", "stored_state"):
         assert world.rows(asked.format(table), to_datetime(frame * FRAME_US)) == [(0.1,), (0.2,), (0.3,)]
@@ -226,7 +229,7 @@ def test_a_gate_that_comes_asks_how_far_tracks_went_since_they_were_seen(
     assert world.rows("select distinct x_m from semap.track_place") == [(7.9,)]
 
 
-def test_places_do_not_go_back_where_rows_follow_frames(world: World) -> None:
+def test_places_do_not_go_back_where_rows_follow_batches(world: World) -> None:
     ids = [world.add_track(f"t{number}") for number in range(201)]
     for frame in range(1, 5):
         add(world, frame * FRAME_US, ids, x_m=[frame / 10] * 201, y_m=[1.0] * 201)
@@ -234,66 +237,40 @@ def test_places_do_not_go_back_where_rows_follow_frames(world: World) -> None:
     assert world.rows("select distinct x_m from semap.track_place") == [(0.5,)]
 
 
-def test_readers_see_frames_at_once(world: World, tracks: list[int]) -> None:
+def test_readers_see_batches_at_once(world: World, tracks: list[int]) -> None:
     add(world, 3 * FRAME_US, tracks, x_m=[1.25, 2.25, 3.25], heading_rad=[None, 0.5, 1.0])
     assert world.rows("select track, x_m, heading_rad from semap.track_present order by track_id") == [
         ("a", 1.25, None), ("b", 2.25, 0.5), ("c", 3.25, 1.0)
     ]  # fmt: skip
     assert world.one("select x_m from semap.track_now where track_id = %s", tracks[0]) == 1.0
-    assert world.one("select x_m from semap.state_before(%s, 'infinity')", tracks[0]) == 1.25
+    assert world.one("select x_m from semap.states_around(%s, 'infinity', 1, 0)", tracks[0]) == 1.25
     at = to_datetime(3 * FRAME_US)
     assert world.one("select st_astext(semap.place_at(%s, %s))", tracks[2], at) == "POINT(3.25 2)"
 
 
-def test_who_writes_makes_rows_where_no_worker_does(world: World, tracks: list[int]) -> None:
-    for second in range(1, 100):
-        add(world, second * SECOND_US, tracks)
-    assert frames(world) <= 61 + 10
-    assert stored(world) == 3 * 101
-
-
-def test_however_fast_frames_come_they_do_not_pile_up(world: World, tracks: list[int]) -> None:
-    for frame in range(1, 1600):
-        add(world, frame * 5 * FRAME_US, tracks)
-    assert world.one("select max(stamp) - min(stamp) from semap.track_state_frame") <= timedelta(seconds=71)
-
-
-def test_the_worker_makes_rows(world: World, tracks: list[int]) -> None:
-    for frame in range(3, 30):
+def test_states_are_compacted_once_there_are_enough_or_their_half_hour_is_over(
+    world: World, tracks: list[int]
+) -> None:
+    for frame in range(3, 250):
         add(world, frame * FRAME_US, tracks)
     with settling(world.dsn):
-        await_frames(world, 1)
-    assert frames(world) == 1, "the newest one is where everybody is"
-    assert world.one("select count(*) from semap.track_state") == 3 * 28
-    assert stored(world) == 3 * 29
+        until(lambda: chunks(world)[1] == 3)
+        assert stored(world) == 3 * 249
+        add(world, 1801 * SECOND_US, tracks)
+        world.run("update semap.source_count set received_at = received_at - interval '11 s'")
+        until(lambda: chunks(world) == (1, 6))
+    assert stored(world) == 3 * 250
 
 
-def test_the_last_frame_of_a_source_that_is_silent_becomes_rows(world: World, tracks: list[int]) -> None:
-    world.run("update semap.source_count set received_at = received_at - interval '11 s'")
-    with settling(world.dsn):
-        await_frames(world, 0)
-    assert world.one("select count(*) from semap.track_state") == 6
-
-
-def test_what_cannot_become_rows_keeps_no_other_source_from_it(world: World, tracks: list[int]) -> None:
+def test_what_cannot_be_compacted_keeps_no_other_source_from_it(world: World, tracks: list[int]) -> None:
     other = world.add_source("other")
     track = world.add_track("d", other)
-    for frame in (3, 4, 5):
-        add(world, frame * FRAME_US, tracks)
-        add(world, frame * FRAME_US, [track], source_id=other)
-    # as nobody can by the triggers
-    world.run("insert into semap.track_state_default (track_id, stamp, x_m, y_m) values (%s, %s, 1, 1)",
-              tracks[0], to_datetime(3 * FRAME_US))  # fmt: skip
+    add(world, SECOND_US, [track], source_id=other)
+    world.run("update semap.source_count set received_at = received_at - interval '31 min'")
+    # as nobody can by the functions that write
+    world.run(f"alter table semap.state_chunk add constraint broken check (track_id <> {tracks[0]})")
     with settling(world.dsn):
-        await_frames(world, 1, other)
-    assert frames(world) == 4 + 1
-    add(world, 100 * SECOND_US, tracks)
-    assert frames(world) == 5 + 1
-
-
-def await_frames(world: World, most: int, source_id: int | None = None) -> None:
-    asked = "select count(*) from semap.track_state_frame where source_id = coalesce(%s, source_id)"
-    until(lambda: world.one(asked, source_id) <= most)
+        until(lambda: world.one("select count(*) from semap.state_chunk where track_id = %s", track) == 1)
 
 
 def test_a_day_without_a_partition(world: World, tracks: list[int]) -> None:
@@ -301,15 +278,14 @@ def test_a_day_without_a_partition(world: World, tracks: list[int]) -> None:
     for day in range(1, 4):
         add(world, day * 86_400 * SECOND_US, tracks)
         add(world, day * 86_400 * SECOND_US + FRAME_US, tracks)
-    while world.one("select semap.unfold_frames()"):
-        pass
-    assert world.rows("select tableoid::regclass::text, count(*) from semap.track_state group by 1 order by 1") == [
-        ("semap.track_state_19700103", 6), ("semap.track_state_default", 3 * 2 + 9)
+    compact(world)
+    assert world.rows("select tableoid::regclass::text, sum(states)::int from semap.state_chunk group by 1 order by 1") == [
+        ("semap.state_chunk_19700103", 6), ("semap.state_chunk_default", 3 * 2 + 12)
     ]  # fmt: skip
 
 
 def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
-    """Four sources send frames, one of them late states too, while rows are made and rooms and tracks go."""
+    """Four sources send batches, one of them late states too, while they are compacted and rooms and tracks go."""
     for number in range(4):
         world.add_room(f"r{number}", shapely.box(4 * number, 0, 4 * number + 4, 4))
     sources = [world.add_source(f"s{number}") for number in range(4)]
@@ -325,9 +301,9 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
             for frame in range(1, 150):
                 x_m, y_m = dice.uniform(0, 16, 5), dice.uniform(0, 4.5, 5)
                 track_ids = np.array(ids[number])
-                insert_frame(
+                send_batch(
                     cursor,
-                    pack_frame(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing),
+                    pack_batch(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing),
                 )
                 if number == 3 and frame % 20 == 0:
                     late = to_datetime(frame * FRAME_US) - timedelta(seconds=1.05)
@@ -347,3 +323,20 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
     verification = verify(world.dsn, lambda said: None)
     with verification.connection:
         assert not [each for each in verification.look(world.name) if each.differ]
+
+
+def test_what_rows_leave_behind_is_thrown_away(world: World, tracks: list[int]) -> None:
+    """Where there is much of it; nobody reads it meanwhile."""
+    world.run(
+        "insert into semap.track_state_inbox (track_id, stamp, x_m, y_m)"
+        " select n, '1970-01-01Z', 0, 0 from generate_series(1, 1000000) n"
+    )
+    size = "select pg_relation_size('semap.track_state_inbox')"
+    assert world.one(size) > 64 << 20
+    with connect(world.dsn) as other, other.transaction():
+        other.execute("lock table semap.track_state_inbox in row exclusive mode")
+        world.add_states([(tracks[0], SECOND_US, 1.0, 1.0, None)])
+        assert world.one(size) > 64 << 20
+    world.add_states([(tracks[0], 2 * SECOND_US, 1.0, 1.0, None)])
+    assert world.one(size) < 1 << 20
+    assert stored(world) == 8

@@ -1,4 +1,4 @@
-"""The same states as frames and as rows, on two maps, whatever happens between them: nothing that is known differs."""
+"""The same states as track batches and as rows, on two maps, whatever happens between them: nothing that is known differs."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ Seen = tuple[str, float, float, float | None, float | None, float | None]
 
 
 class Side:
-    """A map with two sources, whose states come as frames or as rows. Mutable."""
+    """A map with two sources, whose states come as track batches or as rows. Mutable."""
 
-    def __init__(self, dsn: str, name: str, in_frames: bool) -> None:
+    def __init__(self, dsn: str, name: str, in_batches: bool) -> None:
         self.world = World(dsn, name)
-        self.in_frames = in_frames
+        self.in_batches = in_batches
         self.sources = [self.world.source_id, self.world.add_source("second")]
         self.tracks: dict[str, int] = {}
 
@@ -56,12 +56,12 @@ class Side:
         ids = [self.tracks[name] for name, *_ in seen]
         values = list(zip(*(each[1:] for each in seen), strict=True))
         arrays = [None if set(each) == {None} else list(each) for each in values]
+        named = list(zip(COLUMNS, TYPES, strict=True))
         casts = ", ".join(f"%s::{each}[]" for each in TYPES)
-        if self.in_frames and whole:
+        if self.in_batches and whole:
             self.world.run(
-                f"insert into semap.track_state_frame (stamp, source_id, track_ids, {', '.join(COLUMNS)})"
-                f" values (%s, %s, %s, {casts})",
-                to_datetime(stamp_us), self.sources[source], ids, *arrays,
+                f"select semap.add_states(%s, %s, %s, {', '.join(f'{name} => %s::{of}[]' for name, of in named)})",
+                self.sources[source], to_datetime(stamp_us), ids, *arrays,
             )  # fmt: skip
             return
         self.world.run(
@@ -72,6 +72,9 @@ class Side:
         )  # fmt: skip
         if whole:
             self.world.complete(self.sources[source])
+
+    def compact(self) -> None:
+        self.world.run("select semap.compact_all(%s)", self.sources)
 
     def known(self) -> dict[str, list[tuple]]:
         return {
@@ -85,12 +88,12 @@ class Play:
 
     def __init__(self, database: str, seed: int) -> None:
         self.dice = random.Random(seed)
-        self.sides = (Side(database, "as rows", False), Side(database, "in frames", True))
+        self.sides = (Side(database, "as rows", False), Side(database, "in batches", True))
         self.now_us = SECOND_US
         self.places: dict[str, list[float]] = {}
         self.source_of: dict[str, int] = {}
         self.ended: set[str] = set()
-        self.kept = 0
+        self.unflushed = 0
         for name, box in ROOMS.items():
             self.both(lambda side, name=name, box=box: side.world.add_room(name, shapely.box(*box)))
         jump_m = self.dice.choice([None, 15.0])
@@ -140,8 +143,8 @@ class Play:
                 names if dice.random() < 0.92 else dice.sample(names, dice.randint(1, len(names)))
             )
             self.both(lambda side: side.send(source, self.now_us, seen))
-            self.kept += self.sides[1].world.one(
-                "select count(*) from semap.track_state_frame where stamp = %s", to_datetime(self.now_us)
+            self.unflushed += self.sides[1].world.one(
+                "select count(*) from semap.source_count where unflushed > 0"
             )
         elif what < 0.79 and names:
             seen, late_us = self.seen([name]), self.now_us - dice.randint(1, 30) * STEP_US + 1
@@ -168,7 +171,7 @@ class Play:
             self.ended -= {dice.choice(sorted(self.ended))} if self.ended else set()
             self.appear(f"n{self.now_us}-{len(self.places)}", source)
         else:
-            self.sides[1].world.run("select semap.unfold_frames(null, %s)", dice.choice([1, 5, 20000]))
+            dice.choice(self.sides).compact()
 
     def other_query(self) -> None:
         kind, name = (
@@ -194,9 +197,9 @@ class Play:
         self.both(lambda side: side.world.run(statement, side.world.map_id, name))
 
     def compare(self) -> None:
-        rows, frames = (side.known() for side in self.sides)
+        rows, batches = (side.known() for side in self.sides)
         for what in KNOWN:
-            assert frames[what] == rows[what], what
+            assert batches[what] == rows[what], what
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -208,13 +211,12 @@ def test_whatever_happens_nothing_that_is_known_differs(database: str, seed: int
             if number % 5 == 0:
                 play.compare()
         play.compare()
-        while play.sides[1].world.one("select semap.unfold_frames()"):
-            pass
+        play.sides[1].compact()
         play.compare()
         verification = verify(database, lambda said: None)
         with verification.connection:
             assert [each for each in verification.look(None) if each.differ] == []
-        assert play.kept > 3
+        assert play.unflushed > 3
     finally:
         for side in play.sides:
             side.world.close()

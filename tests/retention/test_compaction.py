@@ -1,4 +1,4 @@
-"""Packed states are the states that were rows, bit for bit, however they came."""
+"""Compacted states are the states that came, bit for bit, however they came."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ import psycopg
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from past_days import bits, make_partitions, midnight, retain, stored, write
+from past_days import bits, compact, make_partitions, midnight, stored, write
 from server import fresh_database
 from world import World
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.maintenance import maintain
 
 DAY_US = 86_400_000_000
 PLACE = st.floats(-1e7, 1e7)
@@ -46,17 +45,8 @@ STATE = st.tuples(
 def plain(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
     """A database whose states are all gone after each example."""
     with fresh_database(cluster, template) as dsn, connect(dsn) as connection:
-        retain(connection, "states", pack="1 d")
         make_partitions(connection, 3)
         yield connection
-
-
-def pack(connection: psycopg.Connection) -> int:
-    slots = "select distinct date_bin('30 min', stamp, '1800-01-01Z') from semap.track_state order by 1"
-    return sum(
-        connection.execute("select semap.pack_states(%s)", [slot]).fetchone()[0]
-        for (slot,) in connection.execute(slots).fetchall()
-    )
 
 
 def rows_of(states: list[tuple]) -> list[tuple]:
@@ -70,54 +60,40 @@ def rows_of(states: list[tuple]) -> list[tuple]:
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(early=st.lists(STATE, max_size=40), late=st.lists(STATE, max_size=10))
 def test_each_bit_comes_back(plain: psycopg.Connection, early: list[tuple], late: list[tuple]) -> None:
-    plain.execute("truncate semap.track_state, semap.track_state_packed")
-    first, all_ = rows_of(early), rows_of(early + late)
-    write(plain, first)
-    assert pack(plain) == len(first)
-    write(plain, rows_of(late))  # some at stamps at which there are packed ones
-    assert pack(plain) == len(rows_of(late))
-    assert plain.execute("select count(*) from semap.track_state").fetchone() == (0,)
-    assert stored(plain) == sorted((bits(row) for row in all_), key=lambda row: row[:2])
+    plain.execute("truncate semap.state_chunk")
+    wanted = rows_of(early + late)
+    first = {row[:2] for row in rows_of(early)}
+    write(plain, rows_of(early))
+    compact(plain)
+    write(plain, [row for row in wanted if row[:2] not in first])
+    assert stored(plain) == sorted((bits(row) for row in wanted), key=lambda row: row[:2])
+    compact(plain)
+    assert stored(plain) == sorted((bits(row) for row in wanted), key=lambda row: row[:2])
+    assert plain.execute("select count(*) from semap.state_chunk where track_id is null").fetchone() == (0,)
     assert plain.execute(
-        "select count(*) from semap.track_state_packed p join semap.track_state_packed q"
-        " on q.track_id = p.track_id and q.from_stamp > p.from_stamp and q.from_stamp <= p.to_stamp"
+        "select count(*) from semap.state_chunk where to_stamp < from_stamp or states > 240"
+        " or semap.half_hour(from_stamp) <> semap.half_hour(to_stamp)"
     ).fetchone() == (0,)
 
 
-EDGES = (
-    0.0, -0.0, 5e-324, -5e-324, 2.2250738585072014e-308, 2.225073858507201e-308, 0.1, 1e7, -1e7, 1 - 2**-53,
-    -(2**-1022) * 1.5, 4503599627370497.0, 1.7976931348623157e308,
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("number", EDGES)
-def test_numbers_at_the_edges_come_back(plain: psycopg.Connection, number: float) -> None:
-    found = plain.execute(
-        "select float8send(semap.number_of((b >> 48)::smallint, ((b << 16) >> 48)::smallint,"
-        " ((b << 32) >> 32)::integer)), float8send(%s::float8) from semap.bits_of(%s::float8) b",
-        [number, number],
-    ).fetchone()
-    assert found[0] == found[1]
-
-
 @pytest.mark.parametrize("year", [1800, 1899, 1970, 2026])
-def test_any_year_that_is_stored_is_packed(plain: psycopg.Connection, year: int) -> None:
-    plain.execute("truncate semap.track_state, semap.track_state_packed")
+def test_any_year_that_is_stored_is_compacted(plain: psycopg.Connection, year: int) -> None:
+    plain.execute("truncate semap.state_chunk")
     begin = midnight(3).replace(year=year, month=1, day=1)
     rows = [(1, begin + timedelta(minutes=20, seconds=each), float(each), 0.0, *[None] * 2, False, *[None] * 4)
             for each in range(0, 7200, 7)]  # fmt: skip
     write(plain, rows)
-    assert pack(plain) == len(rows)
+    compact(plain)
     assert stored(plain) == [bits(row) for row in rows]
-    assert plain.execute("select sum(states) from semap.track_state_packed").fetchone() == (len(rows),)
+    assert plain.execute("select sum(states) from semap.state_chunk").fetchone() == (len(rows),)
 
 
-@pytest.mark.parametrize(("has_ellipse", "least"), [(False, 4), (True, 3.6)])
-def test_states_of_a_person_tracker_take_a_quarter_of_the_room(
-    plain: psycopg.Connection, has_ellipse: bool, least: float
+@pytest.mark.parametrize(("has_ellipse", "most_bytes"), [(False, 42), (True, 52)])
+def test_states_of_a_person_tracker_take_a_third_of_the_room_of_rows(
+    plain: psycopg.Connection, has_ellipse: bool, most_bytes: float
 ) -> None:
     """All of a state is measured: no two values are alike, but size and height."""
-    plain.execute("truncate semap.track_state, semap.track_state_packed")
+    plain.execute("truncate semap.state_chunk")
     dice = np.random.default_rng(1)
     ticks, tracks = 8000, 8
     way_m = np.cumsum(dice.normal(0, 0.05, (ticks, tracks, 2)), axis=0) + 10
@@ -138,30 +114,17 @@ def test_states_of_a_person_tracker_take_a_quarter_of_the_room(
         ],
     )  # fmt: skip
     before = stored(plain)
-    sizes = (
-        "select (select sum(pg_total_relation_size(relid)) from pg_partition_tree('semap.track_state') where isleaf),"
-        " pg_total_relation_size('semap.track_state_packed')"
-    )
-    (as_rows, nothing) = plain.execute(sizes).fetchone()
-    assert pack(plain) == ticks * tracks
-    (_, packed) = plain.execute(sizes).fetchone()
+    compact(plain)
+    plain.execute("vacuum full semap.state_chunk")
+    (room,) = plain.execute(
+        "select sum(pg_total_relation_size(relid)) from pg_partition_tree('semap.state_chunk') where isleaf"
+    ).fetchone()
     assert stored(plain) == before
-    assert as_rows / (packed - nothing) >= least
+    assert room / (ticks * tracks) <= most_bytes
 
 
-def test_what_is_not_to_be_packed_is_refused(world: World) -> None:
-    with pytest.raises(psycopg.errors.InvalidParameterValue):
-        world.run("select semap.pack_states(%s)", midnight(3))
-    retain(world.connection, "states", pack="2 d")
-    for slot in (midnight(2), midnight(5) + timedelta(minutes=1), None):
-        with pytest.raises(psycopg.errors.InvalidParameterValue):
-            world.run("select semap.pack_states(%s)", slot)
-    assert world.one("select semap.pack_states(%s)", midnight(3)) == 0
-
-
-def test_a_deleted_track_leaves_no_states_whoever_packs_them_at_that_moment(world: World) -> None:
-    """Half of its states are packed, some came late, and all of it is packed again and again meanwhile."""
-    retain(world.connection, "states", pack="1 d")
+def test_a_deleted_track_leaves_no_states_whoever_compacts_them_at_that_moment(world: World) -> None:
+    """Half of its states are compacted, some came late, and the rest is compacted meanwhile."""
     dice = random.Random(1)
     make_partitions(world.connection, 3)
     for n in range(12):
@@ -171,11 +134,10 @@ def test_a_deleted_track_leaves_no_states_whoever_packs_them_at_that_moment(worl
             for each in (track, other):
                 world.add_states([(each, begin_us + k * 5_000_000, 1.0 * k, 2.0, None) for k in part])
             if part[0] == 0:
-                maintain(world.dsn)
-        with ThreadPoolExecutor(2) as pool, connect(world.dsn) as deleting, connect(world.dsn) as packing:
-            slot = midnight(3) + timedelta(minutes=30 * dice.choice([0, 0, 1]))
+                compact(world.connection)
+        with ThreadPoolExecutor(2) as pool, connect(world.dsn) as deleting, connect(world.dsn) as compacting:
             jobs = [
-                pool.submit(packing.execute, "select semap.pack_states(%s)", [slot]),
+                pool.submit(compacting.execute, "select semap.compact_states(%s, 0)", [world.source_id]),
                 pool.submit(deleting.execute, "delete from semap.track where track_id = %s", [track]),
             ]
             for each in dice.sample(jobs, 2):

@@ -1,4 +1,4 @@
-"""Whoever reads states is told the same before and after they are packed, and what plain Python says."""
+"""Whoever reads states is told the same before and after they are compacted, and what plain Python says."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 import psycopg
 import pytest
 import shapely
-from past_days import make_partitions, midnight, pack_all, stored
+from past_days import compact, make_partitions, midnight, stored
 from rule_work import await_progress, running_worker
 from sqlalchemy import Connection
 from world import SECOND_US, State, World
@@ -72,7 +72,7 @@ def questions(story: Story) -> Mapping[str, Callable[[Connection, psycopg.Connec
     world, name = story.world, story.world.name
     first, last = to_datetime(story.begin_us), to_datetime(story.every[-1][1])
     asked: dict[str, Callable[[Connection, psycopg.Connection], object]] = {
-        "all": lambda _, plain: stored(plain, "track_state_seen"),
+        "all": lambda _, plain: stored(plain),
         "extent": lambda c, _: moment.extent(c, name),
         "ways": lambda c, _: [(way.name, way.points_m.tolist()) for way in plan.ways(c, name, first, last)],
         "events": lambda c, _: events.list_events(c, limit=1000),
@@ -133,17 +133,15 @@ def answers(story: Story, asked: Mapping[str, Callable[[Connection, psycopg.Conn
 def test_all_readers_are_told_the_same(story: Story) -> None:
     asked = questions(story)
     before = answers(story, asked)
-    assert sum(pack_all(story.world).packed.values()) == len(story.every)
-    assert story.world.one("select count(*) from semap.track_state") == 0
+    compact(story.world.connection)
     after = answers(story, asked)
     assert [name for name in asked if str(before[name]) != str(after[name])] == []
-    # half and half: what comes late stays a row for a while
+    # half and half: what comes late is compacted later
     some = sorted(story.states)[0]
     late = [(some, us + 1, 1.0, 1.0, None) for _, us, *_ in story.states[some][::10]]
     story.world.add_states(late)
     mixed = answers(story, asked)
-    pack_all(story.world)
-    assert story.world.one("select count(*) from semap.track_state") == 0
+    compact(story.world.connection)
     packed = answers(story, asked)
     assert [name for name in asked if str(mixed[name]) != str(packed[name])] == []
     assert str(mixed["all"]) != str(after["all"])
@@ -171,34 +169,3 @@ def compare_with_lists(story: Story) -> None:
             state = track_history.state_at(connection, track_id, end)
             assert (state and (to_us(state.stamp), state.x_m)) == (newest and newest[1:3])
     engine.dispose()
-
-
-PLANS = {
-    "a moment": (
-        "select * from semap.track_state_seen s where {}",
-        "track_state_packed_stamp", ["from_stamp >", "from_stamp <=", "to_stamp >="],
-    ),
-    "a track": (
-        "select * from semap.track_state_seen s where track_id = 1 and {}",
-        "track_state_packed_pkey", ["track_id = 1", "from_stamp >", "from_stamp <="],
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("question", PLANS)
-@pytest.mark.parametrize("role", ["semap_read", "semap_read_map"])
-def test_few_packed_rows_are_opened(world: World, question: str, role: str) -> None:
-    statement, index, conditions = PLANS[question]
-    world.run(
-        "insert into semap.track_state_packed select n %% 50, timestamptz '2026-01-31Z' + n * interval '20 s',"
-        " timestamptz '2026-01-31Z' + (n + 1) * interval '20 s', 1, 0, '{0}', '{0}', '{0}', '{0}', '{0}', '{0}',"
-        " '{0}', '{0}' from generate_series(1, 20000) n where %s", True,
-    )  # fmt: skip
-    world.run("analyze semap.track_state_packed")
-    world.run(f"set role {role}")
-    within = track_history.within("timestamptz '2026-02-01Z'", "timestamptz '2026-02-01 00:00:10Z'")
-    said = world.one("explain (format json, costs off) " + statement.format(within))
-    found = str(said)
-    assert index in found
-    cond = found.split(f"'{index}'")[1]
-    assert all(each in cond for each in conditions)

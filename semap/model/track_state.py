@@ -1,0 +1,34 @@
+"""A state of a track: the one shape of it, of which columns, parsing and documents are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from datetime import datetime
+
+
+@dataclass(frozen=True)
+class TrackState:
+    """Where a track was seen, in the map frame. After its last it was gone.
+
+    std_m              standard deviation: of all directions, or along the longer axis of the error ellipse
+    heading_rad        from x towards y, where the body faces
+    length_m, width_m  of the body, along the heading and across
+    std_across_m       along the shorter axis; None where it is alike in all directions
+    std_yaw_rad        where the longer axis points, from x towards y
+    """
+
+    stamp: datetime
+    x_m: float
+    y_m: float
+    z_m: float | None
+    std_m: float | None
+    heading_rad: float | None
+    speed_mps: float | None
+    length_m: float | None
+    width_m: float | None
+    std_across_m: float | None
+    std_yaw_rad: float | None
+    is_last: bool = False
+
+
+STATE_COLUMNS = tuple(each.name for each in fields(TrackState))

@@ -1,0 +1,195 @@
+-- How states are stored, and how they are read. A row of semap.state_chunk holds states within one half hour of the
+-- clock, as arrays: of many tracks at one stamp, which is how a track batch comes, or of one track, which is how they
+-- lie once they are compacted (sql/145). An array that is null is null throughout. Readers call semap.states, or
+-- semap.states_around for so many states beside a stamp: no other function knows how states are packed, or that they
+-- are.
+
+-- The half hour of the clock in which a stamp lies.
+create or replace function semap.half_hour(p_stamp timestamptz) returns timestamptz
+language sql immutable strict parallel safe
+return case when isfinite(p_stamp) then date_bin('30 min', p_stamp, '1800-01-01Z') else p_stamp end;
+
+-- The length of an interval of less than a day [us].
+create or replace function semap.micros(p_interval interval) returns bigint
+language sql immutable strict parallel safe
+return round(date_part('epoch', p_interval) * 1e6)::bigint;
+
+-- The states of a chunk, as rows.
+create or replace function semap.states_of(p_chunk semap.state_chunk) returns setof semap.track_state
+language sql immutable parallel safe rows 500 as $$
+  select coalesce((p_chunk).track_id, s.track_id),
+         case when (p_chunk).track_id is null then (p_chunk).from_stamp else (p_chunk).from_stamp + interval '1 us' * (
+           coalesce(s.offset_us, 0)
+           + (s.place - 1) * semap.micros((p_chunk).to_stamp - (p_chunk).from_stamp)
+             / greatest((p_chunk).states - 1, 1)) end,
+         s.x_m, s.y_m, s.z_m, s.std_m, coalesce(s.is_last, false), s.heading_rad, s.speed_mps, s.length_m, s.width_m,
+         s.std_across_m, s.std_yaw_rad
+  from unnest((p_chunk).track_ids, (p_chunk).offsets_us, (p_chunk).x_m, (p_chunk).y_m, (p_chunk).z_m, (p_chunk).std_m,
+              (p_chunk).is_last, (p_chunk).heading_rad, (p_chunk).speed_mps, (p_chunk).length_m, (p_chunk).width_m,
+              (p_chunk).std_across_m, (p_chunk).std_yaw_rad) with ordinality
+    s (track_id, offset_us, x_m, y_m, z_m, std_m, is_last, heading_rad, speed_mps, length_m, width_m, std_across_m,
+       std_yaw_rad, place)
+$$;
+
+-- The states of chunks, as rows.
+create or replace function semap.states_in(p_chunks semap.state_chunk[]) returns setof semap.track_state
+language sql immutable parallel safe rows 1000 as $$
+  select s.* from unnest(p_chunks) c cross join lateral semap.states_of(c) s
+$$;
+
+-- How far these stamps are off an even pace from the first to the last of them [us]; null: not at all.
+create or replace function semap.offsets_us(p_stamps timestamptz[]) returns integer[]
+language sql immutable strict parallel safe as $$
+  select case when bool_or(offset_us <> 0) then array_agg(offset_us order by place) end
+  from (select min(stamp) as from_stamp, semap.micros(max(stamp) - min(stamp)) as span_us from unnest(p_stamps) stamp) w
+  cross join lateral (
+    select place, (semap.micros(stamp - w.from_stamp)
+                   - (place - 1) * w.span_us / greatest(cardinality(p_stamps) - 1, 1))::integer as offset_us
+    from unnest(p_stamps) with ordinality u (stamp, place)) o
+$$;
+
+-- A chunk of states, of what is known of them.
+create or replace function semap.new_chunk(
+  source_id integer, from_stamp timestamptz, to_stamp timestamptz, x_m double precision[], y_m double precision[],
+  z_m double precision[], std_m real[], is_last boolean[], heading_rad real[], speed_mps real[], length_m real[],
+  width_m real[], std_across_m real[], std_yaw_rad real[], track_ids bigint[] default null,
+  track_id bigint default null, offsets_us integer[] default null
+) returns semap.state_chunk
+language sql immutable parallel safe as $$
+  select row(source_id, track_id, from_stamp, to_stamp, cardinality(x_m), track_ids, offsets_us, x_m, y_m, z_m, std_m,
+             is_last, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)::semap.state_chunk
+$$;
+
+-- The states of these chunks of one half hour, and of so few stamps that an array of them is one piece of TOAST, as
+-- chunks of one track each.
+create or replace function semap.chunks_of_tracks(p_chunks semap.state_chunk[]) returns setof semap.state_chunk
+language sql immutable parallel safe rows 1000 as $$
+  with has as (
+    select bool_or(z_m is not null) as z_m,
+           bool_or(std_m is not null) as std_m,
+           bool_or(is_last is not null) as is_last,
+           bool_or(heading_rad is not null) as heading_rad,
+           bool_or(speed_mps is not null) as speed_mps,
+           bool_or(length_m is not null) as length_m,
+           bool_or(width_m is not null) as width_m,
+           bool_or(std_across_m is not null) as std_across_m,
+           bool_or(std_yaw_rad is not null) as std_yaw_rad
+    from unnest(p_chunks)
+  ), by_track as (
+    select s.track_id, array_agg(s.stamp) as stamps, min(s.stamp) as from_stamp, max(s.stamp) as to_stamp,
+           array_agg(s.x_m) as x_m, array_agg(s.y_m) as y_m,
+           array_agg(s.z_m) filter (where has.z_m) as z_m,
+           array_agg(s.std_m) filter (where has.std_m) as std_m,
+           array_agg(s.is_last) filter (where has.is_last) as is_last,
+           array_agg(s.heading_rad) filter (where has.heading_rad) as heading_rad,
+           array_agg(s.speed_mps) filter (where has.speed_mps) as speed_mps,
+           array_agg(s.length_m) filter (where has.length_m) as length_m,
+           array_agg(s.width_m) filter (where has.width_m) as width_m,
+           array_agg(s.std_across_m) filter (where has.std_across_m) as std_across_m,
+           array_agg(s.std_yaw_rad) filter (where has.std_yaw_rad) as std_yaw_rad
+    from has cross join semap.states_in(p_chunks) s group by s.track_id
+  ), paced as materialized ( -- most tracks have the same stamps
+    select stamps, semap.offsets_us(stamps) as offsets_us from (select distinct stamps from by_track) d
+  )
+  select c.*
+  from by_track t join paced p using (stamps)
+  cross join lateral semap.new_chunk(
+    source_id => p_chunks[1].source_id, track_id => track_id, from_stamp => from_stamp, to_stamp => to_stamp,
+    offsets_us => offsets_us, x_m => x_m, y_m => y_m, z_m => z_m, std_m => std_m, is_last => is_last,
+    heading_rad => heading_rad, speed_mps => speed_mps, length_m => length_m, width_m => width_m,
+    std_across_m => std_across_m, std_yaw_rad => std_yaw_rad) c
+$$;
+
+-- The states of these tracks from one stamp to another, both included, in no order; nothing of a track that the caller
+-- may not see.
+create or replace function semap.states(p_track_ids bigint[], p_from timestamptz, p_to timestamptz)
+returns setof semap.track_state
+language plpgsql stable parallel safe security definer rows 1000 set search_path = pg_catalog, pg_temp as $$
+declare
+  v_visible     constant integer[] := semap.visible_maps();
+  v_ids         bigint[];
+  v_source_ids  integer[];
+  v_from        timestamptz;
+begin
+  select array_agg(track_id), array_agg(distinct source_id), greatest(p_from, min(first_stamp))
+  into v_ids, v_source_ids, v_from
+  from semap.track_now
+  where track_id = any (p_track_ids) and first_stamp <= p_to and (v_visible is null or map_id = any (v_visible));
+  return query
+    select s.* from semap.state_chunk c cross join lateral semap.states_of(c) s
+    where c.track_id = any (v_ids) and c.from_stamp >= semap.half_hour(v_from) and c.from_stamp <= p_to
+      and c.to_stamp >= v_from and s.stamp >= v_from and s.stamp <= p_to
+    union all
+    select s.*
+    from semap.state_chunk c cross join lateral semap.states_of(c) s join unnest(v_ids) id on s.track_id = id
+    where c.track_id is null and c.source_id = any (v_source_ids) and c.from_stamp >= v_from and c.from_stamp <= p_to;
+end $$;
+
+-- The states of all tracks of a map from one stamp to another, both included, in no order.
+create or replace function semap.states_of_map(p_map_id integer, p_from timestamptz, p_to timestamptz)
+returns setof semap.track_state
+language sql stable parallel safe security definer rows 10000 set search_path = pg_catalog, pg_temp as $$
+  select s.*
+  from (select array_agg(t.track_id) as ids from semap.track_now t left join semap.source_count c using (source_id)
+        where t.map_id = p_map_id and t.first_stamp <= p_to
+          and greatest(t.stamp, t.outlier_stamp, case when t.live then c.newest_stamp end) >= p_from) k
+  cross join lateral semap.states(k.ids, p_from, p_to) s
+$$;
+
+-- So many states of a track before a stamp, the newest of them, and so many from it on, the oldest, within two other
+-- stamps, both included; nothing of a track that the caller may not see. No more chunks are opened than that takes.
+create or replace function semap.states_around(
+  p_track_id bigint, p_stamp timestamptz, p_before integer, p_from integer,
+  p_until timestamptz default 'infinity', p_since timestamptz default '-infinity'
+) returns setof semap.track_state
+language plpgsql stable parallel safe security definer set search_path = pg_catalog, pg_temp as $$
+declare
+  v_source_id  integer;
+  v_since      timestamptz;
+  v_until      timestamptz := p_until;
+begin
+  select source_id, greatest(p_since, first_stamp) into v_source_id, v_since
+  from semap.track_now where track_id = p_track_id and first_stamp <= p_until;
+  if v_source_id is null then
+    return;
+  end if;
+  if p_before > 0 then
+    -- of a chunk that reaches beyond the stamp, only the first state is known to be before it
+    select coalesce(max(from_stamp), v_since) into v_since from (
+      select from_stamp, sum(states) over (order by from_stamp desc) as total from (
+        (select c.from_stamp, case when c.to_stamp < p_stamp then c.states else 1 end as states from semap.state_chunk c
+         where c.track_id = p_track_id and c.from_stamp < p_stamp and c.from_stamp >= semap.half_hour(v_since)
+         order by c.from_stamp desc limit p_before)
+        union all
+        (select c.from_stamp, 1 from semap.state_chunk c
+         where c.track_id is null and c.source_id = v_source_id and c.from_stamp < p_stamp and c.from_stamp >= v_since
+           and p_track_id = any (c.track_ids)
+         order by c.from_stamp desc limit p_before)) c) counted
+    where total >= p_before and from_stamp >= v_since;
+    return query
+      select * from semap.states(array[p_track_id], v_since, least(p_until, p_stamp)) s
+      where s.stamp < p_stamp order by s.stamp desc limit p_before;
+  end if;
+  if p_from > 0 then
+    select coalesce(min(to_stamp), p_until) into v_until from (
+      select to_stamp, sum(states) over (order by to_stamp) as total from (
+        (select c.to_stamp, case when c.from_stamp >= p_stamp then c.states else 1 end as states
+         from semap.state_chunk c
+         where c.track_id = p_track_id and c.to_stamp >= p_stamp and c.from_stamp >= semap.half_hour(p_stamp)
+           and c.from_stamp <= p_until
+         order by c.from_stamp limit p_from)
+        union all
+        (select c.to_stamp, 1 from semap.state_chunk c
+         where c.track_id is null and c.source_id = v_source_id and c.from_stamp >= p_stamp and c.from_stamp <= p_until
+           and p_track_id = any (c.track_ids)
+         order by c.from_stamp limit p_from)) c) counted
+    where total >= p_from and to_stamp <= p_until;
+    return query
+      select * from semap.states(array[p_track_id], greatest(p_since, p_stamp), v_until) s
+      order by s.stamp limit p_from;
+  end if;
+end $$;
+
+-- Every state that is stored.
+create or replace view semap.stored_state as
+  select s.* from semap.state_chunk c cross join lateral semap.states_of(c) s;
