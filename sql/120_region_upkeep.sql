@@ -28,8 +28,8 @@ language sql stable as $$
   where r.region_id = any (p_region_ids) and st_intersects(r.footprint, cell.square)
 $$;
 
--- The edges of these regions, each in every cell that it passes through. One that is kept away from is, too, where it may
--- be too near for a position that is as inexact as the query allows; one of a rounded shape is widened by the half
+-- The edges of these regions, each in every cell that it passes through. One that is kept away from is, too, where it
+-- may be too near for a position that is as inexact as the query allows; one of a rounded shape is widened by the half
 -- millimetre that its corners lack.
 create or replace function semap.edges_of_regions(p_region_ids integer[]) returns table (
   map_id integer, cell_x integer, cell_y integer, region_id integer, stds real,
@@ -168,7 +168,8 @@ begin
     where c.region_id = any (v_changed)
       and case when r.careful then (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
                     and (r.subject is null or exists (select from semap.query_track s
-                                                   where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
+                                                   where s.query_id = r.query_id and s.track_id = t.track_id
+                                                     and not s.is_object))
                else (c.whole or st_contains(r.footprint, st_point(t.x_m, t.y_m)))
                     and (t.z_m is null or (t.z_m >= r.z_min_m and t.z_m < r.z_max_m)) end
   ), crossed as (
@@ -179,7 +180,8 @@ begin
       using (track_id, region_id)
     where i.track_id is null or n.track_id is null
   )
-  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing) into v_crossings
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing)
+    into v_crossings
   from crossed c join semap.track_now t using (track_id);
   perform semap.record_crossings(v_crossings);
 
@@ -267,7 +269,8 @@ begin
   ) differing;
   perform semap.refresh_pairs(array_agg(query_id), null) from semap.continuous_query
   where in_pairs and enabled
-    and (subject_concept_id is not null or object_concept_id is not null or predicate = 'crosses'); -- what is an opening
+    -- what is an opening
+    and (subject_concept_id is not null or object_concept_id is not null or predicate = 'crosses');
   return null;
 end $$;
 
@@ -293,7 +296,8 @@ begin
     -- one that has only another name asks what it asked
     perform semap.refresh_pairs(array_agg(query_id), null, null, is_other)
     from (select n.query_id, not (n.enabled and o.enabled
-                                  and to_jsonb(n) - '{name,payload,sql}'::text[] = to_jsonb(o) - '{name,payload,sql}'::text[]) as is_other
+                                  and to_jsonb(n) - '{name,payload,sql}'::text[]
+                                      = to_jsonb(o) - '{name,payload,sql}'::text[]) as is_other
           from new_query n join old_query o using (query_id) where n.in_pairs or o.in_pairs) q
     group by is_other;
   elsif exists (select from semap.pair_side where query_id = any (v_query_ids))

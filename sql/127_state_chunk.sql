@@ -190,6 +190,25 @@ begin
   end if;
 end $$;
 
+-- The newest state of each of these tracks at or before a stamp. Most have one shortly before it, so these are read at
+-- once.
+create or replace function semap.states_at(p_track_ids bigint[], p_at timestamptz) returns setof semap.track_state
+language plpgsql stable parallel safe rows 100 as $$
+declare
+  c_shortly  constant interval := '2 s';
+  v_found    semap.track_state[];
+begin
+  v_found := array(
+    select distinct on (s.track_id) s from semap.states(p_track_ids, p_at - c_shortly, p_at) s
+    order by s.track_id, s.stamp desc);
+  return query select f.* from unnest(v_found) f;
+  return query
+    select b.*
+    from unnest(p_track_ids) id left join unnest(v_found) f on f.track_id = id
+    cross join lateral semap.states_around(id, p_at + interval '1 us', 1, 0) b
+    where f.track_id is null;
+end $$;
+
 -- Every state that is stored.
 create or replace view semap.stored_state as
   select s.* from semap.state_chunk c cross join lateral semap.states_of(c) s;

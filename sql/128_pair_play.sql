@@ -17,10 +17,8 @@ begin
     ), stated as materialized (
       select s.track_id, s as state from semap.states(p_track_ids, p_from, p_to) s where s.stamp > p_from
       union all
-      select (t.present).track_id, l
-      from taking_part t
-      cross join lateral semap.states_around((t.present).track_id, p_from + interval '1 us', 1, 0) l
-      where (t.present).first_stamp <= p_from
+      select l.track_id, l from semap.states_at(
+        array(select (t.present).track_id from taking_part t where (t.present).first_stamp <= p_from), p_from) l
     ), kept as (
       select track_id, array_agg(state order by (state).stamp) as states, min((state).stamp) as first_stamp
       from stated

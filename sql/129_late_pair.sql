@@ -228,16 +228,9 @@ begin
   return (
     with seen as materialized (
       select s.track_id, s.x_m, s.y_m, greatest(s.length_m, s.width_m, 0) as size_m
-      from semap.states(v_others, p_from - interval '1 min', p_to) s
+      from semap.states(v_others, p_from, p_to) s
       union all
-      select n.track_id, n.x_m, n.y_m, greatest(n.length_m, n.width_m, 0)
-      from semap.track_now n where n.track_id = any (v_others) and n.stamp <= p_to
-      union all
-      -- who was not heard of for a while is where it was
-      select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0)
-      from semap.track_now n
-      cross join lateral semap.states_around(n.track_id, p_from + interval '1 us', 1, 0) b
-      where n.track_id = any (v_others) and n.stamp > p_from and n.first_stamp <= p_from
+      select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0) from semap.states_at(v_others, p_from) b
     ), box as (
       select min(x_m) as x_min_m, max(x_m) as x_max_m, min(y_m) as y_min_m, max(y_m) as y_max_m,
              max(size_m) + v_reach_m as reach_m

@@ -39,7 +39,8 @@ begin
   perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(r.track_id, r.region_id, 'ended', 'disappeared',
-                       greatest(n.ended_at, t.stamp), greatest(n.ended_at, t.stamp), null, null)::semap.crossing) into v_crossings
+                       greatest(n.ended_at, t.stamp), greatest(n.ended_at, t.stamp), null,
+                       null)::semap.crossing) into v_crossings
   from new_track n
   join semap.track_now t using (track_id)
   join semap.relation r using (track_id)
@@ -53,7 +54,8 @@ begin
   perform semap.end_pairs_of_ended(v_ended);
 
   update semap.track_now t
-  set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity', calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
+  set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity',
+      calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
   from new_track n
   where t.track_id = n.track_id and n.track_id = any (v_ended);
   perform semap.note_newest(source_id, max(ended_at)) from new_track where track_id = any (v_ended)
@@ -98,7 +100,8 @@ begin
   where track_id in (select track_id from old_track) or object_track_id in (select track_id from old_track);
   delete from semap.relation_past where track_id in (select track_id from old_track);
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
-  delete from semap.pair where subject_key in (select track_id from old_track) or object_key in (select track_id from old_track);
+  delete from semap.pair where subject_key in (select track_id from old_track)
+    or object_key in (select track_id from old_track);
   delete from semap.followed_state where track_id in (select track_id from old_track);
   -- where they are among others, each gets chunks of its own first
   perform semap.compact_all(array(select distinct source_id from old_track order by 1));

@@ -10,8 +10,8 @@ language sql immutable parallel safe as $$
   select sqrt(p_dx_m ^ 2 + p_dy_m ^ 2) <= (p_source).jump_m + (p_source).jump_mps * extract(epoch from p_gap)
 $$;
 
--- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it was
--- may be known only to within its calm.
+-- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it
+-- was may be known only to within its calm.
 create or replace function semap.any_far_step(p_source semap.source, p_arrivals semap.arrival[]) returns boolean
 language plpgsql immutable parallel safe as $$ -- which keeps its plan
 begin
@@ -32,9 +32,9 @@ language sql as $$
   where track_id = p_track_id and (outlier_stamp is not null or (p_state).stamp is not null)
 $$;
 
--- Lead states through the gate for outliers, and write nothing: those that pass, what is set aside at the end of each track (a stamp
--- that is null: nothing), and how many were outliers. A track whose last state does not pass ends where it was.
--- p_asides: what was set aside of tracks before.
+-- Lead states through the gate for outliers, and write nothing: those that pass, what is set aside at the end of each
+-- track (a stamp that is null: nothing), and how many were outliers. A track whose last state does not pass ends where
+-- it was. p_asides: what was set aside of tracks before.
 create or replace function semap.gate(
   p_source semap.source, p_arrivals semap.arrival[], p_asides semap.arrival[],
   out passed semap.arrival[], out asides semap.arrival[], out outliers bigint
@@ -92,14 +92,16 @@ begin
   asides := asides || v_aside;
 end $$;
 
--- The states of these that pass the gate for outliers. What is set aside is kept with its track, which is looked up at its next state.
+-- The states of these that pass the gate for outliers. What is set aside is kept with its track, which is looked up at
+-- its next state.
 create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
 language plpgsql as $$
 declare
   v_gate  record;
 begin
   select * into v_gate from semap.gate(p_source, p_arrivals, array(
-    select row(track_id, outlier_stamp, outlier_x_m, outlier_y_m, null, null, null, null, null, null, null, null, null, null,
+    select row(track_id, outlier_stamp, outlier_x_m, outlier_y_m, null, null, null, null, null, null, null, null, null,
+               null,
                null, null, null, null, null, null, null, null, null)::semap.arrival
     from semap.track_now
     where outlier_stamp is not null and track_id in (select track_id from unnest(p_arrivals))));

@@ -76,7 +76,8 @@ end $$;
 -- The state of a state update, without what was known before it.
 create or replace function semap.state_of(p_arrival semap.arrival) returns semap.track_state
 language sql immutable parallel safe as $$
-  select row(p_arrival.track_id, p_arrival.stamp, p_arrival.x_m, p_arrival.y_m, p_arrival.z_m, p_arrival.std_m, p_arrival.is_last,
+  select row(p_arrival.track_id, p_arrival.stamp, p_arrival.x_m, p_arrival.y_m, p_arrival.z_m, p_arrival.std_m,
+             p_arrival.is_last,
              p_arrival.heading_rad, p_arrival.speed_mps, p_arrival.length_m, p_arrival.width_m, p_arrival.std_across_m,
              p_arrival.std_yaw_rad)::semap.track_state
 $$;

@@ -1,9 +1,9 @@
--- A track is named, said to be of another concept or to have other attributes, or goes on at another source: the queries
--- that ask for such are about it from then on, or no longer.
+-- A track is named, said to be of another concept or to have other attributes, or goes on at another source: the
+-- queries that ask for such are about it from then on, or no longer.
 
 -- Bring the relations of these tracks in line with which queries are about them now. What a query is no longer about
--- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map. Some got
--- another uid (p_renewed_ids), by which the nearest of two is chosen.
+-- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map. Some
+-- got another uid (p_renewed_ids), by which the nearest of two is chosen.
 create or replace function semap.rechoose_tracks(p_track_ids bigint[], p_renewed_ids bigint[] default null) returns void
 language plpgsql as $$
 declare
@@ -29,10 +29,14 @@ begin
   v_before := array(select s from semap.query_track s where s.track_id = any (p_track_ids));
   perform semap.choose_tracks(null, p_track_ids);
   v_lost := array(select b from unnest(v_before) b
-                  where not exists (select from semap.query_track s where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object, b.track_id)));
+                  where not exists (select from semap.query_track s
+                                    where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object,
+                                                                                   b.track_id)));
   v_gained := array(select s from semap.query_track s
                     where s.track_id = any (p_track_ids)
-                      and not exists (select from unnest(v_before) b where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object, b.track_id)));
+                      and not exists (select from unnest(v_before) b
+                                      where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object,
+                                                                                     b.track_id)));
   if cardinality(v_lost || v_gained) = 0 and p_renewed_ids is null then
     return;
   end if;
@@ -48,7 +52,8 @@ begin
     select g.track_id, r.region_id, 'began'
     from unnest(v_gained) g
     join semap.track_now t on t.track_id = g.track_id and t.live
-    join semap.region r on r.query_id = g.query_id and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
+    join semap.region r on r.query_id = g.query_id
+      and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
     where (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
   ) c
   join semap.track_now t on t.track_id = c.track_id;
@@ -67,11 +72,13 @@ end $$;
 create or replace function semap.rechoose_in_pairs(p_track_ids bigint[], p_new_ids bigint[]) returns void
 language plpgsql as $$
 declare
-  v_map_ids  integer[] := array(select distinct map_id from semap.track where track_id = any (p_track_ids) order by map_id);
+  v_map_ids  integer[] := array(select distinct map_id from semap.track where track_id = any (p_track_ids)
+                                order by map_id);
 begin
   perform semap.hold_pairs(map_id) from unnest(v_map_ids) map_id;
   update semap.query_track t
-  set formed_stamp = p.through, formed_track_id = (select max(track_id) from semap.track_now n where n.map_id = t.map_id)
+  set formed_stamp = p.through,
+      formed_track_id = (select max(track_id) from semap.track_now n where n.map_id = t.map_id)
   from semap.pair_progress p
   where t.track_id = any (p_new_ids) and p.map_id = t.map_id
     and t.query_id in (select query_id from semap.pair_side);
@@ -89,7 +96,8 @@ begin
   from new_track n join old_track o using (track_id)
   where (n.source_id, n.uid, n.name, n.concept_id, n.attributes)
     is distinct from (o.source_id, o.uid, o.name, o.concept_id, o.attributes);
-  perform semap.rechoose_tracks(v_track_ids, (select array_agg(n.track_id) from new_track n join old_track o using (track_id)
+  perform semap.rechoose_tracks(v_track_ids,
+                                (select array_agg(n.track_id) from new_track n join old_track o using (track_id)
                                               where n.uid <> o.uid));
   return null;
 end $$;

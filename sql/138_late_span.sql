@@ -1,7 +1,8 @@
 -- What of a track is looked at again after states of it that came late (sql/139).
 
 -- The changes of a track between two moments, the first not included, that were not taken back.
-create or replace function semap.standing_changes_of_track(p_map_id integer, p_track_id bigint, p_after timestamptz, p_to timestamptz)
+create or replace function semap.standing_changes_of_track(p_map_id integer, p_track_id bigint, p_after timestamptz,
+                                                           p_to timestamptz)
 returns setof semap.relation_change
 language sql stable as $$
   select * from semap.relation_change c
@@ -10,8 +11,8 @@ language sql stable as $$
     and not exists (select from semap.relation_change d where d.retracts = c.uid)
 $$;
 
--- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until now).
--- A boundary that was crossed at that very moment may have been known then, or only at a later state.
+-- The regions in which a track was known to be at the stamp of a state of it, since when, and until when (null: until
+-- now). A boundary that was crossed at that very moment may have been known then, or only at a later state.
 create or replace function semap.held_at(p_track_id bigint, p_at timestamptz)
 returns table (query_id integer, instance_id bigint, since timestamptz, until timestamptz)
 language sql stable as $$
@@ -40,13 +41,15 @@ begin
     select x_m, y_m from unnest(p_arrivals) where x_m is not null
   ), way as (
     select public.st_makeline(array_agg(public.st_point(x_m, y_m))) as line,
-           (select coalesce(max(leave_margin_m), 0) + 0.001 from semap.continuous_query where map_id = p_map_id) as wide_m
+           (select coalesce(max(leave_margin_m), 0) + 0.001 from semap.continuous_query where map_id = p_map_id)
+             as wide_m
     from (select x_m, y_m from unnest(p_arrivals) where x_m is not null order by stamp) p
   ), span as (
     select min(stamp) as first_stamp, max(stamp) as last_stamp from unnest(p_arrivals)
   ), concerned as (
     select c.region_id
-    from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y from place) p
+    from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y
+          from place) p
     join semap.region_cell c on c.map_id = p_map_id and c.cell_x = p.cell_x and c.cell_y = p.cell_y and not c.careful
     union
     select r.region_id from way join semap.region r
@@ -79,10 +82,10 @@ begin
         and c.edge_at <= f.formed_stamp));
 end $$;
 
--- What these states of a track are, in the order of their stamps: with where it was said to have ended, and without what does
--- not pass the gate for outliers; its present passes. p_is_first: there is no state before them. Further, from which stamp
--- on what passes is a matter of these states alone, and from which on of those after p_late_to (null: nowhere): a state
--- that can follow on the one before it passes, whatever was before.
+-- What these states of a track are, in the order of their stamps: with where it was said to have ended, and without
+-- what does not pass the gate for outliers; its present passes. p_is_first: there is no state before them. Further,
+-- from which stamp on what passes is a matter of these states alone, and from which on of those after p_late_to (null:
+-- nowhere): a state that can follow on the one before it passes, whatever was before.
 create or replace function semap.arrivals_again(
   p_source semap.source, p_states semap.track_state[], p_now semap.track_now, p_is_first boolean,
   p_ends timestamptz[], p_late_to timestamptz,
@@ -94,7 +97,8 @@ begin
     select distinct on (s.stamp) s.* from unnest(p_states) s order by s.stamp
   )
   select array_agg(row((p_now).track_id, e.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m,
-                       s.width_m, coalesce(s.is_last, false) or e.stamp = any (p_ends), (p_now).source_id, (p_now).map_id,
+                       s.width_m, coalesce(s.is_last, false) or e.stamp = any (p_ends), (p_now).source_id,
+                       (p_now).map_id,
                        (p_now).cell_m, not p_is_first, '-infinity', null, null, null, '{}', null,
                        s.std_across_m, s.std_yaw_rad)::semap.arrival
                    order by e.stamp)

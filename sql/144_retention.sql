@@ -1,8 +1,8 @@
 -- What has grown old, by event time and by semap.retention. Each of these is one short step, in a transaction of its
--- own, that semap.store.operate.maintenance takes again and again; none does what the settings do not say, whoever calls it.
--- What is dropped goes by whole days (UTC). A partition is dropped as it is: to detach it before, without waiting for
--- all who use its table, is not possible where there is a default partition. Whoever drops waits only shortly for a
--- lock, and tries again.
+-- own, that semap.store.operate.maintenance takes again and again; none does what the settings do not say, whoever
+-- calls it. What is dropped goes by whole days (UTC). A partition is dropped as it is: to detach it before, without
+-- waiting for all who use its table, is not possible where there is a default partition. Whoever drops waits only
+-- shortly for a lock, and tries again.
 
 -- The start of the oldest day of a kind that is kept; null where all is kept.
 create or replace function semap.kept_since(p_kind text) returns timestamptz

@@ -97,7 +97,8 @@ language sql stable as $$
   with place as materialized (
     select * from semap.present_places(p_map_id)
   ), present as materialized (
-    select k.track_id, k.name, k.source_id as of_source, k.ended_at, t.source_id, t.map_id, t.cell_m, m.cell_m as map_cell_m,
+    select k.track_id, k.name, k.source_id as of_source, k.ended_at, t.source_id, t.map_id, t.cell_m,
+           m.cell_m as map_cell_m,
            t.track_id is not null as is_there, t.outlier_stamp, p.live, p.stamp, p.x_m, p.y_m, p.z_m
     from semap.track k
     join semap.map m on m.map_id = k.map_id
@@ -123,7 +124,8 @@ language sql stable as $$
     union all
     select format('at (%s, %s) at %s', p.x_m, p.y_m, p.stamp), format('at (%s, %s) at %s', s.x_m, s.y_m, s.stamp)
     where p.live and (s.stamp, s.x_m, s.y_m, s.z_m) is distinct from (p.stamp, p.x_m, p.y_m, p.z_m)
-      and (s.stamp is not null or p.stamp >= coalesce((select gone_before from semap.retention where kind = 'states'), '-infinity'))
+      and (s.stamp is not null or p.stamp >= coalesce((select gone_before from semap.retention where kind = 'states'),
+                                                      '-infinity'))
   ) d (stored, wanted)
 $$;
 
@@ -132,7 +134,8 @@ create or replace function semap.held_differences(p_map_id integer)
 returns table (track_id bigint, thing text, stored text, wanted text)
 language sql stable as $$
   with held as materialized (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}') as plain_ids,
+    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}')
+      as plain_ids,
            coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
     from semap.relation n join semap.region r using (region_id)
     where n.map_id = p_map_id group by n.track_id
@@ -189,5 +192,6 @@ language sql as $$
   full join wanted w on w.track_id = s.track_id and w.region_id = s.region_id
   left join semap.region r on r.region_id = coalesce(s.region_id, w.region_id)
   left join semap.track k on k.track_id = coalesce(s.track_id, w.track_id)
-  where s.track_id is null or w.track_id is null or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
+  where s.track_id is null or w.track_id is null
+    or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
 $$;

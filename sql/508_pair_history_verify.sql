@@ -1,5 +1,5 @@
--- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or followed_state but how
--- instances look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
+-- What the log says of pairs (sql/505) against the states of tracks: nothing is taken from pair or followed_state but
+-- how instances look. What takes time to confirm, has margins, or depends on more than one moment is left out here.
 
 -- The queries about tracks whose pairs can be told from one moment.
 create or replace function semap.momentary_queries(p_map_id integer) returns setof semap.continuous_query

@@ -1,5 +1,5 @@
--- What differs from what it follows from (sql/500, 505) is made anew, map by map, while nobody writes. What a client or a
--- rule has to know is told as any change of the map is: a relation began or ended, with the cause `map`.
+-- What differs from what it follows from (sql/500, 505) is made anew, map by map, while nobody writes. What a client or
+-- a rule has to know is told as any change of the map is: a relation began or ended, with the cause `map`.
 
 -- Write the present of each track of a map anew where it is not that of its newest state.
 create or replace function semap.repair_presents(p_map_id integer) returns void
@@ -57,10 +57,12 @@ returns table (track_id bigint, region_id integer)
 language plpgsql as $$
 begin
   -- one of two changes in a row that say the same is taken back
-  insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
+  insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,
+                                     instance_name,
                                      subject_instance_id, subject_instance_name, object_track_id, object_track_name,
                                      kind, cause, stamp, edge_at, since, x_m, y_m, amendment, retracts)
-  select gen_random_uuid(), c.map_id, c.query_id, c.query_name, c.track_id, c.track_name, c.instance_id, c.instance_name,
+  select gen_random_uuid(), c.map_id, c.query_id, c.query_name, c.track_id, c.track_name, c.instance_id,
+         c.instance_name,
          c.subject_instance_id, c.subject_instance_name, c.object_track_id, c.object_track_name,
          c.kind, 'map', c.stamp, c.edge_at, c.since, c.x_m, c.y_m, 'retracted', c.uid
   from semap.log_differences(p_map_id) d
@@ -70,14 +72,16 @@ begin
 
   with open as (
     select (f.change).* from semap.folded_changes(p_map_id) f
-    where f.is_newest and (f.change).kind = 'began' and (f.change).track_id is not null and (f.change).instance_id is not null
+    where f.is_newest and (f.change).kind = 'began' and (f.change).track_id is not null
+      and (f.change).instance_id is not null
       and not exists (select from semap.continuous_query q where q.query_id = (f.change).query_id and q.in_pairs)
   ), adrift as (
     select o.* from open o left join semap.region r using (query_id, instance_id) where r.region_id is null
   ), moment as (
     select a.change_id, greatest(t.stamp, a.edge_at) as at from adrift a left join semap.track_now t using (track_id)
   )
-  insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
+  insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,
+                                     instance_name,
                                      kind, cause, stamp, edge_at, since)
   select gen_random_uuid(), map_id, query_id, query_name, a.track_id, track_name, instance_id, instance_name,
          'ended', 'map', at, at, edge_at
@@ -101,7 +105,8 @@ begin
     select * from open
     on conflict on constraint relation_pkey do update
     set query_id = excluded.query_id, instance_id = excluded.instance_id, since = excluded.since
-    where (n.query_id, n.instance_id, n.since) is distinct from (excluded.query_id, excluded.instance_id, excluded.since)
+    where (n.query_id, n.instance_id, n.since) is distinct from (excluded.query_id, excluded.instance_id,
+                                                                 excluded.since)
     returning n.track_id, n.region_id
   )
   select * from unsaid union select * from said;
@@ -164,7 +169,8 @@ begin
     from wanted w full join held h using (track_id, region_id)
     where w.track_id is null or h.track_id is null
   )
-  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing) into v_crossings
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing)
+    into v_crossings
   from crossed c join semap.track_now t using (track_id);
   perform semap.record_crossings(v_crossings);
   delete from semap.region r
@@ -176,9 +182,11 @@ begin
   set region_ids = coalesce(h.plain_ids, '{}'), careful_ids = coalesce(h.careful_ids, '{}'), calm_x_min_m = 'infinity'
   from semap.track_now o
   left join (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}') as plain_ids,
+    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}')
+      as plain_ids,
            coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
-    from semap.relation n join semap.region r using (region_id) where n.map_id = p_map_id group by n.track_id) h using (track_id)
+    from semap.relation n join semap.region r using (region_id) where n.map_id = p_map_id group by n.track_id) h
+      using (track_id)
   where o.map_id = p_map_id and t.track_id = o.track_id;
   v_pairs := semap.repair_pairs(p_map_id);
   perform semap.repair_past(p_map_id);
@@ -211,7 +219,8 @@ language sql as $$
     where relation_past_id in (select relation_past_id from compared where relation_past_id is not null)
   )
   insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                   subject_instance_name, instance_id, instance_name, object_track_id, object_track_name,
+                                   subject_instance_name, instance_id, instance_name, object_track_id,
+                                   object_track_name,
                                    since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
