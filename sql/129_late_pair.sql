@@ -268,10 +268,12 @@ begin
   if from_stamp < (select max(gone_before) from semap.retention where kind in ('states', 'changes')) then
     return;
   end if;
-  -- Beyond its last state nothing of a track changes but what lasts, and what others do. What is not played yet is
-  -- stored already, and is no state that both plays go through.
-  select least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
-                          + case when bool_or(a.states < p_further) then p_further * interval '1 s' else '0' end)
+  -- A track is where its last state says until the present. Beyond that nothing of it changes but what lasts, and what
+  -- others do. What is not played yet is stored already, and is no state that both plays go through.
+  select case when bool_or(a.states = 0) then v_present
+              else least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
+                                    + case when bool_or(a.states < p_further) then p_further * interval '1 s'
+                                           else '0' end) end
   into to_stamp
   from unnest(v_ids) id
   cross join lateral (

@@ -37,7 +37,7 @@ PAST = """
 REMEMBERED = """
     select coalesce(s.name, si.name), coalesce(o.name, oi.name), p.held, p.inside,
            case when p.inside <> p.held then (extract(epoch from p.inside_at) * 1000000)::bigint end,
-           round(p.distance_m::numeric, 9)::float, (extract(epoch from p.distance_at) * 1000000)::bigint
+           p.distance_m, (extract(epoch from p.distance_at) * 1000000)::bigint
     from semap.pair p
     left join semap.track s on s.track_id = p.track_id
     left join semap.instance si on si.instance_id = p.subject_instance_id
@@ -131,7 +131,11 @@ def check(town: Town, truth: PairOracle) -> None:
              None if pair.distance_m is None else round(pair.distance_m, 9), pair.distance_us)
             for key, pair in truth.pairs.items()
         }  # fmt: skip
-        assert set(world.rows(REMEMBERED, query_id)) == memory
+        remembered = {
+            (*names_and_signals, None if distance_m is None else round(distance_m, 9), distance_us)
+            for *names_and_signals, distance_m, distance_us in world.rows(REMEMBERED, query_id)
+        }
+        assert remembered == memory
     assert world.rows("select * from semap.pair_differences(%s)", world.map_id) == []
     assert world.rows("select * from semap.log_differences(%s)", world.map_id) == []
 
