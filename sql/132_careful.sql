@@ -150,7 +150,7 @@ language sql stable as $$
                 and not q.is_object)
 $$;
 
--- The state of the relation that is kept as a verge, and the verge that keeps a state.
+-- The state of the relation that is kept as a verge.
 create or replace function semap.state_of_verge(p_verge semap.verge) returns semap.relation_state
 language sql immutable parallel safe as $$
   select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at,
@@ -158,6 +158,7 @@ language sql immutable parallel safe as $$
              p_verge.side_at, p_verge.x_m, p_verge.y_m, null, null)::semap.relation_state
 $$;
 
+-- The verge that keeps the state of a relation.
 create or replace function semap.verge_of_state(p_map_id integer, p_state semap.relation_state) returns semap.verge
 language sql immutable parallel safe as $$
   select row(p_state.subject_key, p_state.object_key, p_map_id, p_state.confirmed, p_state.pending, p_state.pending_at,

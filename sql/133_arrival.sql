@@ -10,6 +10,14 @@ language sql immutable parallel safe as $$
              (p_state).std_across_m, (p_state).std_yaw_rad)::semap.arrival
 $$;
 
+-- Refuse a state of a track that nobody knows.
+create or replace function semap.refuse_unknown(p_track_id bigint) returns void
+language plpgsql as $$
+begin
+  raise exception 'There is no track %.', p_track_id
+    using errcode = 'foreign_key_violation', hint = 'Insert the track into semap.track first.';
+end $$;
+
 -- Refuse a batch that holds states of unknown tracks, or of several sources.
 create or replace function semap.refuse_strange(p_source_id integer, p_arrivals semap.arrival[]) returns void
 language plpgsql as $$
@@ -18,8 +26,7 @@ declare
 begin
   select min(track_id) into v_track_id from unnest(p_arrivals) where source_id is null;
   if v_track_id is not null then
-    raise exception 'There is no track %.', v_track_id
-      using errcode = 'foreign_key_violation', hint = 'Insert the track into semap.track first.';
+    perform semap.refuse_unknown(v_track_id);
   end if;
   raise exception 'The states of one statement come from more than one source.'
     using errcode = 'cardinality_violation', hint = 'Insert or copy the states of each source by themselves.';

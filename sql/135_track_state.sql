@@ -258,6 +258,9 @@ declare
 begin
   select source_id into v_source_id
   from (select track_id from new_state limit 1) n join semap.track_now using (track_id);
+  if v_source_id is null then
+    perform semap.refuse_unknown(track_id) from new_state limit 1;
+  end if;
   select array_agg(c) into v_chunks from (
     select semap.new_chunk(
       source_id => v_source_id, from_stamp => stamp, to_stamp => stamp, track_ids => array_agg(track_id),

@@ -14,7 +14,7 @@ from threading import Event, Thread
 
 import pytest
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
-from semap_service.port import free_port
+from semap_service.processes.port import free_port
 from server import reachable_folder
 
 PATIENCE_S = 60.0

@@ -109,7 +109,7 @@ BROKEN = [
                   "insert into semap.webhook_dead_letter (webhook_id, seq, event_id, map, type, body, attempts, error)"
                   " select webhook_id, 1, gen_random_uuid(), 'office', 't', '', 1, '' from semap.webhook"],
      Level.WARN, "1 events that it did not take", "dead-letters"),
-    ("jobs", [JOB], Level.WRONG, "nobody runs", "semap serve"),
+    ("jobs", [JOB], Level.WRONG, "without a process", "semap serve"),
     ("jobs", [JOB, "select pg_advisory_xact_lock_shared(7369, job_id) from semap.job"], Level.WARN, "wait for long", "cancel"),
     ("tokens", [TOKEN.format("now() + interval '2 days'")], Level.WARN, "within a week: robot", "semap token add"),
     ("tokens", [TOKEN.format("now() - interval '1 h'")], Level.WARN, "until they expired: robot", "semap token add"),

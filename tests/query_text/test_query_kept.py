@@ -44,7 +44,7 @@ def test_what_is_kept_is_what_the_text_says(scene: str, accepted: Accepted) -> N
     of_ground = declaration.predicate == "intersects" and declaration.subject.kind == "track"
     with one_transaction(scene) as connection:
         if declaration.abstraction in OF_SPACE or beyond is not None:
-            named = declaration.abstraction if beyond is None else "condition"
+            named = declaration.abstraction if beyond is None else "condition|property"
             with pytest.raises(InvalidInput, match=named):
                 add_query(connection, "house", declaration)
             return

@@ -47,8 +47,9 @@ VERGES = """
     where v.map_id = %s order by 1, 2, 3
 """
 PRESENT = """
-    select t.name, n.live, n.stamp, n.x_m, n.y_m, n.calm_until::text, cardinality(n.region_ids), cardinality(n.careful_ids)
-    from semap.track_now n join semap.track t using (track_id) where n.map_id = %s order by 1
+    select t.name, p.live, p.stamp, p.x_m, p.y_m, n.calm_until::text, cardinality(n.region_ids), cardinality(n.careful_ids)
+    from semap.track_now n join semap.track_place p using (track_id) join semap.track t using (track_id)
+    where n.map_id = %s order by 1
 """
 NEW = """
     select change_id, uid, amendment, retracts, query_name, track_name, instance_name, kind::text, cause::text, stamp,
@@ -224,12 +225,11 @@ def test_who_was_near_one_that_ended_has_not_ended(world: World) -> None:
     assert world.relations() == {("one", "room", SECOND_US)}
 
 
-def test_packed_states_count_as_others_do(world: World) -> None:
+def test_compacted_states_count_as_others_do(world: World) -> None:
     world.add_room("room", ROOM)
     track = world.add_track("t")
     world.add_states(states(track, (1, 9), (5, 2), (9, 9), (4000, 9), (4001, 9)))
-    world.run("update semap.retention set pack_after = '1 day' where kind = 'states'")
-    assert world.one("select semap.pack_states('1970-01-01Z')") == 3
+    world.run("select semap.compact_all(array(select source_id from semap.source))")
     world.add_states(states(track, (3, 2)))
     assert world.rows(
         "select extract(epoch from since)::int, extract(epoch from until)::int from semap.relation_past"
