@@ -37,17 +37,19 @@ def test_an_event_says_what_happened_and_why(service: Service) -> None:
     room = service.make_room("Room07", shapely.box(0, 0, 4, 3))
     track_id = service.walk([(-1, 1), (1, 1)])
     stamp = START + timedelta(seconds=1)
-    event_id, change_uid = service.plain.execute(
-        "with made as (insert into semap.event select 5, gen_random_uuid(), map_id, 'room_visits', 2,"
-        " 'entered', stamp, cause::text, track_id, track_name, instance_id, instance_name, since"
-        " from semap.relation_change returning event_id)"
-        " select event_id, uid from made, semap.relation_change"
-    ).fetchone()
-    service.plain.execute(
-        "insert into semap.event_evidence (event_id, place, uid, variable, source, stamp)"
-        " values (%s, 1, %s, '', 'relation', %s)",
-        [event_id, change_uid, stamp],
-    )
+    # at once, as the worker writes it: else the feed may read the event without its evidence
+    with service.plain.transaction():
+        event_id, change_uid = service.plain.execute(
+            "with made as (insert into semap.event select 5, gen_random_uuid(), map_id, 'room_visits', 2,"
+            " 'entered', stamp, cause::text, track_id, track_name, instance_id, instance_name, since"
+            " from semap.relation_change returning event_id)"
+            " select event_id, uid from made, semap.relation_change"
+        ).fetchone()
+        service.plain.execute(
+            "insert into semap.event_evidence (event_id, place, uid, variable, source, stamp)"
+            " values (%s, 1, %s, '', 'relation', %s)",
+            [event_id, change_uid, stamp],
+        )
     event = {
         "seq": 5,
         "event_id": str(event_id),
