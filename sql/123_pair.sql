@@ -26,11 +26,13 @@ declare
 begin
   if p_reach_m = 'infinity' then
     return query
-      select p_query_id, s.key, o.key
-      from semap.track_members(array[p_query_id], p_moved || p_others) s
-      join semap.track_members(array[p_query_id], p_moved || p_others) o on o.is_object and o.key <> s.key
-      where not s.is_object
-        and exists (select from unnest(p_moved) m where m.track_id in (s.key, o.key));
+      with member as materialized (
+        select t.is_object, t.key, true as is_moved from semap.track_members(array[p_query_id], p_moved) t
+        union all
+        select t.is_object, t.key, false from semap.track_members(array[p_query_id], p_others) t
+      )
+      select p_query_id, s.key, o.key from member s join member o on o.is_object and o.key <> s.key
+      where not s.is_object and (s.is_moved or o.is_moved);
     return;
   end if;
   select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_cell_m

@@ -32,10 +32,7 @@ begin
   select * into v_last from unnest((
     semap.arrivals_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).arrivals)
   order by stamp desc limit 1;
-  return row(v_last.track_id, v_last.stamp, v_last.x_m, v_last.y_m, v_last.z_m, v_last.std_m, v_last.is_last,
-             v_last.heading_rad,
-             v_last.speed_mps, v_last.length_m, v_last.width_m, v_last.std_across_m,
-             v_last.std_yaw_rad)::semap.track_state;
+  return semap.state_of(v_last);
 end $$;
 
 -- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
@@ -103,9 +100,7 @@ begin
       v_states := array(select s from unnest(v_states) s
                         where s.x_m is null or not exists (select from unnest(v_some) a where a.track_id = s.track_id))
         || array(
-          select row(a.track_id, a.stamp, a.x_m, a.y_m, a.z_m, a.std_m, a.is_last, a.heading_rad, a.speed_mps,
-                     a.length_m,
-                     a.width_m, a.std_across_m, a.std_yaw_rad)::semap.track_state
+          select semap.state_of(a)
           from unnest((semap.gate(v_source, v_some, array(
             -- set aside before: what came after the last state that passed
             select row(t.track_id, s.stamp, s.x_m, s.y_m, null, null, null, null, null, null, null, null, null, null,
