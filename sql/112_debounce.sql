@@ -11,14 +11,6 @@
 --   leaves, pending                    false    false, since now   false once it has lasted for leave_confirm
 --   nothing but the time (all null)    stays    stays              as pending, once that has lasted
 
--- What is known of a relation of which nothing is remembered.
-create or replace function semap.no_relation(p_query_id integer, p_subject_key bigint, p_object_key bigint)
-returns semap.relation_state
-language sql immutable parallel safe as $$
-  select row(p_query_id, p_subject_key, p_object_key, false, null, false, null, false, null, null, null, null,
-             null)::semap.relation_state
-$$;
-
 -- The state of a relation of which only is known whether it is confirmed, and since when.
 create or replace function semap.relation_since(
   p_query_id integer, p_subject_key bigint, p_object_key bigint, p_confirmed boolean, p_since timestamptz

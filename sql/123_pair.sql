@@ -262,7 +262,7 @@ language sql stable as $$
     select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
            w.appears,
            w.appears or p_cause = 'map' as is_fresh, r.distance_m,
-           coalesce(p, semap.no_relation(c.query_id, c.subject_key, c.object_key)) as before,
+           coalesce(p, semap.relation_since(c.query_id, c.subject_key, c.object_key, false, null)) as before,
            greatest(coalesce(greatest(s.stamp, o.stamp, p_at), (select clock_timestamp())), p.since, p.pending_at,
                     p.distance_at) as at,
            case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,

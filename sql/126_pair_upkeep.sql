@@ -42,37 +42,46 @@ language sql as $$
       distance_m = excluded.distance_m, distance_at = excluded.distance_at
 $$;
 
--- Write changes of pairs to relation_change in the order of their stamps, and what is over to relation_past. What
--- happens has an identity of its own, so that a replay gives the same one; where it would happen twice at one moment
--- (edits of the map) a random one.
-create or replace function semap.record_pair_changes(p_changes semap.pair_change[]) returns void
+-- Write changes of pairs to relation_change in the order of semap.described_changes, with these identities in that
+-- order, and what is over to relation_past.
+create or replace function semap.write_pair_changes(
+  p_changes semap.pair_change[], p_uids uuid[], p_amendment text default null
+) returns void
 language plpgsql as $$
 begin
-  if p_changes is null then
-    return;
-  end if;
   with told as materialized (
     select * from semap.described_changes(p_changes)
   ), changed as (
     insert into semap.relation_change (
       uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
       instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
-      direction)
-    select case when t.cause = 'map' or exists (select from semap.relation_change h where h.uid = t.uid)
-                  or row_number() over (partition by t.uid order by t.place) > 1 then gen_random_uuid() else t.uid end,
-           map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-           instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m,
-           y_m, direction
-    from told t order by place
+      direction, amendment)
+    select p_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id,
+           subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp,
+           edge_at, since, x_m, y_m, direction, p_amendment
+    from told order by place
   )
   insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
                                    subject_instance_name, instance_id, instance_name, object_track_id,
-                                   object_track_name,
-                                   since, until)
+                                   object_track_name, since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
          instance_id, instance_name, object_track_id, object_track_name, since, edge_at
   from told where kind = 'ended'
   order by edge_at, place;
+end $$;
+
+-- Write changes of pairs as they happen. What happens has an identity of its own, so that a replay gives the same one;
+-- where it would happen twice at one moment (edits of the map) a random one.
+create or replace function semap.record_pair_changes(p_changes semap.pair_change[]) returns void
+language plpgsql as $$
+begin
+  if p_changes is null then
+    return;
+  end if;
+  perform semap.write_pair_changes(p_changes, array(
+    select case when t.cause = 'map' or exists (select from semap.relation_change h where h.uid = t.uid)
+                  or row_number() over (partition by t.uid order by t.place) > 1 then gen_random_uuid() else t.uid end
+    from semap.described_changes(p_changes) t order by t.place));
 end $$;
 
 -- Changes of pairs with all that the log says of them, in its order: that of their stamps.

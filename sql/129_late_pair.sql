@@ -19,27 +19,7 @@ begin
                 then md5(d.uid || '|' || d.since)::uuid else d.uid end
     from semap.described_changes(p_changes) d order by d.place);
   perform semap.free_uids(v_uids);
-  with told as materialized (
-    select * from semap.described_changes(p_changes)
-  ), past as (
-    insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
-                                     subject_instance_name, instance_id, instance_name, object_track_id,
-                                     object_track_name,
-                                     since, until)
-    select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-           instance_id, instance_name, object_track_id, object_track_name, since, edge_at
-    from told where kind = 'ended' order by edge_at, place
-  )
-  insert into semap.relation_change (
-    uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
-    direction,
-    amendment)
-  select v_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
-         direction,
-         'added'
-  from told order by place;
+  perform semap.write_pair_changes(p_changes, v_uids, 'added');
 end $$;
 
 -- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it,

@@ -79,7 +79,7 @@ READ = """
 @given(observations=seen(), enter_s=st.integers(0, 3), leave_s=st.integers(0, 3))
 def test_debounce_is_its_table(world: World, observations: list[Seen], enter_s: int, leave_s: int) -> None:
     connection: psycopg.Connection = world.connection
-    row = connection.execute("select semap.no_relation(1, 2, 3)::text").fetchone()
+    row = connection.execute("select semap.relation_since(1, 2, 3, false, null)::text").fetchone()
     states = []
     for each in observations:
         row = connection.execute(STEP, [row and row[0], *each.row(), enter_s, leave_s]).fetchone()
