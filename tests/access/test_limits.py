@@ -52,17 +52,15 @@ def test_the_bucket_of_one_is_not_that_of_another() -> None:
 
 
 def test_too_many_requests_are_told_when_to_come_again(database: str) -> None:
-    with guarded(database, replace(LIMITS, rate_per_s=0.5)) as service:
+    # so little flows in that it is the same on a slow machine
+    with guarded(database, replace(LIMITS, rate_per_s=1e-4)) as service:
         a, b = service.add_token("a", "read"), service.add_token("b", "read")
         with service.client(a) as first, service.client(b) as second:
-            answers = [first.get("/maps") for _ in range(4)]
-            assert [each.status_code for each in answers] == [200, 200, 429, 429]
-            assert [each.headers["ratelimit"] for each in answers[:2]] == [
-                '"requests";r=1;t=2',
-                '"requests";r=0;t=4',
-            ]
-            assert answers[0].headers["ratelimit-policy"] == '"requests";q=2;w=4'
-            assert answers[2].headers["retry-after"] == "2"
+            answers = [first.get("/maps") for _ in range(3)]
+            assert [each.status_code for each in answers] == [200, 429, 429]
+            assert answers[0].headers["ratelimit"].startswith('"requests";r=0;t=')
+            assert answers[0].headers["ratelimit-policy"] == '"requests";q=1;w=10000'
+            assert 5000 < int(answers[2].headers["retry-after"]) <= 10000
             assert answers[2].json()["type"] == "urn:semap:problem:too-many-requests"
             # a token has its own; nobody's are counted by the address, which looking up tokens was counted by
             assert second.get("/maps").status_code in (200, 429)
