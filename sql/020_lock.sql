@@ -59,11 +59,13 @@ create or replace function semap.hold_source(p_source_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
 
 -- Taken before the rows of a statement that may change regions or end tracks, so that what is read for
--- it is read after every writer of states has ended, and no row is locked before.
+-- it is read after every writer of states has ended, and no row is locked before. What came late before it is
+-- corrected before it (sql/148).
 create or replace function semap.lock_regions() returns trigger
-language plpgsql as $$
+language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.change_regions();
+  perform semap.correct_all();
   return null;
 end $$;
 

@@ -13,10 +13,12 @@ create or replace trigger source_lateness before insert or update of lateness on
 -- stamp, and those at it where that is whole. Late ones may still come, unless it has ended.
 create or replace function semap.complete_through(p_source semap.source) returns timestamptz
 language sql stable parallel safe as $$
-  select coalesce((p_source).watermark,
-                  (p_source).newest_stamp - case when (p_source).newest_is_whole or (p_source).ended then interval '0'
-                                                 else interval '1 us' end, '-infinity')
-         - case when (p_source).ended then interval '0' else (p_source).lateness end
+  select least(
+    coalesce((p_source).watermark,
+             (p_source).newest_stamp - case when (p_source).newest_is_whole or (p_source).ended then interval '0'
+                                            else interval '1 us' end, '-infinity')
+      - case when (p_source).ended then interval '0' else (p_source).lateness end,
+    (p_source).late_from - interval '1 us')
 $$;
 
 -- A source that speaks has not ended, unless the same statement says that it has, and is not idle.

@@ -301,6 +301,7 @@ begin
   v_places := semap.followed_places(p_map_id);
   v_step := semap.part_pairs(null, p_track_ids, p_track_ids, v_places, p_at, p_cause, v_before);
   perform semap.record_pair_changes(v_step.changes);
+  update semap.pair_progress set revision = revision + 1 where map_id = p_map_id;
   delete from semap.followed_state where track_id = any (p_track_ids);
   if c_nearest <> '{}' then
     v_next := semap.follow_moment(

@@ -2,11 +2,11 @@
 -- the code that follows them as states come in (sql/123, 124).
 
 -- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
--- without outliers, without what is named, and no further than each is known to be now. The first state of each track
--- says where it was at that moment, if it was there.
+-- without outliers, and no further than each is known to be now. Of late states that are queued, only those of these
+-- late tracks at these stamps. The first state of each track says where it was at that moment, if it was there.
 create or replace function semap.states_to_play(
   p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
-  p_without_ids bigint[], p_without_stamps timestamptz[]
+  p_late_ids bigint[], p_late_stamps timestamptz[]
 ) returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
 begin
@@ -19,12 +19,14 @@ begin
       union all
       select l.track_id, l from semap.states_at(
         array(select (t.present).track_id from taking_part t where (t.present).first_stamp <= p_from), p_from) l
+    ), left_out as materialized (
+      select track_id, stamp from semap.late_state
+      where of_pairs and track_id = any (p_track_ids) and stamp <= p_to
+      except select * from unnest(p_late_ids, p_late_stamps)
     ), kept as (
       select track_id, array_agg(state order by (state).stamp) as states, min((state).stamp) as first_stamp
       from stated
-      where (state).stamp is not null
-        and not exists (select from unnest(p_without_ids, p_without_stamps) w (track_id, stamp)
-                        where w.track_id = stated.track_id and w.stamp = (stated.state).stamp)
+      where (state).stamp is not null and (track_id, (state).stamp) not in (table left_out)
       group by track_id
     ), ended as (
       select k.track_id, array_agg(distinct e.stamp) as stamps
@@ -33,8 +35,7 @@ begin
         on e.map_id = p_map_id and e.track_id = k.track_id and e.cause = 'disappeared' and e.object_track_id is null
         and e.stamp >= k.first_stamp and e.stamp <= p_to and e.amendment is distinct from 'retracted'
         and not exists (select from semap.relation_change d where d.retracts = e.uid)
-        and not exists (select from unnest(p_without_ids, p_without_stamps) w (track_id, stamp)
-                        where w.track_id = k.track_id and w.stamp = e.stamp)
+        and (k.track_id, e.stamp) not in (table left_out)
       group by k.track_id
     )
     select array_agg(semap.state_of(a) order by (a).stamp, (a).track_id)

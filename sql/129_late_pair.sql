@@ -1,7 +1,7 @@
 -- Late states and pairs: what any two things were to each other is what it would be had the states of both come in the
 -- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching,
 -- the side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and
--- once without them. Only what the two plays differ in is written, in the transaction that brings the states.
+-- once without them. Only what the two plays differ in is written (sql/148).
 
 -- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the
 -- identity that it had; one that holds since another moment than before gets one of its own, since who believes the
@@ -228,9 +228,8 @@ end $$;
 -- the last one. The states are null where that is more than a play may hold, or where states of that time are gone.
 create or replace function semap.prepare_play(
   p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
-  p_not_yet_ids bigint[], p_not_yet_stamps timestamptz[], p_further integer,
-  out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean, out track_ids bigint[],
-  out states semap.track_state[], out states_without semap.track_state[]
+  p_further integer, out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean,
+  out track_ids bigint[], out states semap.track_state[], out states_without semap.track_state[]
 )
 language plpgsql stable as $$
 declare
@@ -249,7 +248,7 @@ begin
     return;
   end if;
   -- A track is where its last state says until the present. Beyond that nothing of it changes but what lasts, and what
-  -- others do. What is not played yet is stored already, and is no state that both plays go through.
+  -- others do. What is queued is stored already, and is no state that both plays go through.
   select case when bool_or(a.states = 0) then v_present
               else least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
                                     + case when bool_or(a.states < p_further) then p_further * interval '1 s'
@@ -257,8 +256,8 @@ begin
   into to_stamp
   from unnest(v_ids) id
   cross join lateral (
-    select array_agg(n.stamp) as stamps from unnest(p_not_yet_ids, p_not_yet_stamps) n (track_id, stamp)
-      where n.track_id = id) n
+    select array_agg(l.stamp) as stamps from semap.late_state l
+    where l.of_pairs and l.track_id = id and l.stamp > c_late_to) n
   cross join lateral (
     select count(*) as states, max(stamp) as stamp from (
       select s.stamp
@@ -270,69 +269,73 @@ begin
   track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
       from semap.states(track_ids, from_stamp, to_stamp) s where s.stamp > prepare_play.from_stamp) then
-    states := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, p_not_yet_ids, p_not_yet_stamps);
-    states_without := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp,
-                                           p_ids || p_not_yet_ids, p_stamps || p_not_yet_stamps);
+    states := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, p_ids, p_stamps);
+    states_without := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, '{}', '{}');
   end if;
 end $$;
 
--- Correct what is known of the pairs of a map after states that came late: many at once if that is not too much to
--- play, else fewer; and where one state alone is too much, without the queries that take longest to confirm. A play
--- goes on until it makes no difference to what is remembered, at most up to the present.
-create or replace function semap.amend_pairs(p_map_id integer, p_late semap.arrival[]) returns void
-language plpgsql as $$
+-- How what is known of the pairs of a map is to be corrected after the oldest of its late states that are queued
+-- (taken_*: which), of the same snapshot: many at once if that is not too much to play, else fewer; and where one state
+-- alone is too much, without the queries that take longest to confirm. A play goes on until it makes no difference to
+-- what is remembered, at most up to the present. query_ids: of which queries; '{}': nothing is to be corrected.
+-- revision: what has to be that of the map still when it is written.
+create or replace function semap.plan_correction(
+  p_map_id integer, out taken_ids bigint[], out taken_stamps timestamptz[], out query_ids integer[],
+  out revision bigint, out through timestamptz,
+  out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean, out track_ids bigint[],
+  out changes semap.pair_change[], out changes_without semap.pair_change[],
+  out pairs semap.relation_state[], out pairs_without semap.relation_state[]
+) language plpgsql stable as $$
 declare
-  v_query_ids  integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id and in_pairs
-                                  and enabled);
-  v_amended    integer[] := v_query_ids;
+  c_query_ids  constant integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id
+                                           and in_pairs and enabled);
   v_confirm    interval;
+  v_count      integer := 200;
+  v_further    integer := 4;
   v_ids        bigint[];
   v_stamps     timestamptz[];
-  v_count      integer := 200;
-  v_further    integer;
   v_next       record;
-  v_play       record;
-  v_with       record;
-  v_without    record;
 begin
+  query_ids := c_query_ids;
+  select p.revision, p.through into revision, through from semap.pair_progress p where p.map_id = p_map_id;
   select array_agg(track_id order by stamp, track_id), array_agg(stamp order by stamp, track_id)
-  into v_ids, v_stamps
-  from (select distinct l.track_id, l.stamp from unnest(p_late) l
-        where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id
-                      and w.query_id = any (v_query_ids))) l;
-  while cardinality(v_ids) > 0 loop
-    v_further := 4;
-    loop
-      select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
-      from semap.continuous_query where query_id = any (v_amended);
-      select * into v_next from semap.prepare_play(
-        p_map_id, v_query_ids, v_confirm, v_ids[:v_count], v_stamps[:v_count], v_ids[v_count + 1:],
-        v_stamps[v_count + 1:], v_further);
-      if v_next.states is null then
-        exit when v_further > 4;
-        if least(v_count, cardinality(v_ids)) > 1 then
-          v_count := least(v_count, cardinality(v_ids)) / 2;
-        else
-          v_amended := array(select query_id from semap.continuous_query
-                             where query_id = any (v_amended) and greatest(enter_confirm, leave_confirm,
-                                                                           '0') < v_confirm);
-        end if;
-        exit when v_amended = '{}';
-        continue;
-      end if;
-      v_play := v_next;
-      select * into v_with from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states);
-      select * into v_without from semap.play_pairs(v_query_ids, v_play.from_stamp, v_play.states_without);
-      exit when v_play.is_present or not exists (select from semap.differing_pairs(v_with.pairs, v_without.pairs));
-      v_further := 4 * v_further;
-    end loop;
-    if v_amended <> '{}' then
-      perform semap.write_pair_amendments(
-        p_map_id, v_amended, v_play.track_ids, v_play.from_stamp, v_stamps[1], v_play.to_stamp, v_play.is_present,
-        v_with.changes, v_without.changes, v_with.pairs, v_without.pairs);
+  into taken_ids, taken_stamps
+  from (select l.track_id, l.stamp from semap.late_state l
+        where l.of_pairs and l.source_id in (select source_id from semap.source where map_id = p_map_id)
+        order by l.stamp, l.track_id limit v_count) l;
+  loop
+    select array_agg(l.track_id order by place), array_agg(l.stamp order by place) into v_ids, v_stamps
+    from unnest(taken_ids, taken_stamps) with ordinality l (track_id, stamp, place)
+    where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id
+                  and w.query_id = any (c_query_ids));
+    if v_ids is null then
+      query_ids := '{}';
+      exit;
     end if;
-    v_ids := v_ids[v_count + 1:];
-    v_stamps := v_stamps[v_count + 1:];
-    v_amended := v_query_ids;
+    select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
+    from semap.continuous_query q where q.query_id = any (query_ids);
+    v_next := semap.prepare_play(p_map_id, c_query_ids, v_confirm, v_ids, v_stamps, v_further);
+    if v_next.states is null then
+      exit when v_further > 4;
+      if cardinality(taken_ids) > 1 then
+        taken_ids := taken_ids[:cardinality(taken_ids) / 2];
+        taken_stamps := taken_stamps[:cardinality(taken_ids)];
+      else
+        query_ids := array(select q.query_id from semap.continuous_query q
+                           where q.query_id = any (query_ids)
+                             and greatest(enter_confirm, leave_confirm, '0') < v_confirm);
+      end if;
+      exit when query_ids = '{}';
+      continue;
+    end if;
+    from_stamp := v_next.from_stamp;
+    to_stamp := v_next.to_stamp;
+    is_present := v_next.is_present;
+    track_ids := v_next.track_ids;
+    select * into changes, pairs from semap.play_pairs(c_query_ids, from_stamp, v_next.states);
+    select * into changes_without, pairs_without
+    from semap.play_pairs(c_query_ids, from_stamp, v_next.states_without);
+    exit when is_present or not exists (select from semap.differing_pairs(pairs, pairs_without));
+    v_further := 4 * v_further;
   end loop;
 end $$;

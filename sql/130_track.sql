@@ -107,6 +107,7 @@ begin
   perform semap.compact_all(array(select distinct source_id from old_track order by 1));
   delete from semap.state_chunk where track_id in (select track_id from old_track);
   delete from semap.track_state_inbox where track_id in (select track_id from old_track);
+  delete from semap.late_state where track_id in (select track_id from old_track);
   delete from semap.track_now where track_id in (select track_id from old_track);
   return null;
 end $$;

@@ -72,16 +72,6 @@ language sql stable as $$
       or exists (select from semap.region where map_id = (p_source).map_id and careful and longest_gap is not null)
 $$;
 
--- Count states that came late, and note which tracks began earlier than was known.
-create or replace function semap.note_late(p_source_id integer, p_late semap.arrival[]) returns void
-language plpgsql as $$
-begin
-  update semap.source set late_states = late_states + cardinality(p_late) where source_id = p_source_id;
-  update semap.track_now t set first_stamp = n.stamp
-  from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
-  where t.track_id = n.track_id and n.stamp < t.first_stamp;
-end $$;
-
 -- A gate for outliers that is another one asks how far tracks went, so positions are written by then.
 create or replace function semap.gate_changed() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$

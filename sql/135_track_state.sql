@@ -1,8 +1,8 @@
 -- New states move their tracks. They come as a track batch, by semap.add_states: what one source says of many tracks at
 -- one stamp; or as rows of semap.track_state. Both are made chunks (sql/127), which semap.take_states takes. A state
 -- within the safe region of its track needs one comparison; only tracks that left theirs are looked up. States at or
--- before the present of their track are late: they are counted, and correct its history (sql/139). A state that is its
--- track's last ends the track after it.
+-- before the present of their track are late: they are queued, and correct its history (sql/139, 148). A state that is
+-- its track's last ends the track after it.
 --
 -- Where a track is within its safe region is not written for each batch, but flushed once for many (sql/134): before
 -- states that are not newer than all others of their source, so that track_now alone tells what is late.
@@ -97,7 +97,7 @@ begin
   end if;
   insert into semap.state_chunk select * from unnest(p_chunks);
   if v_late <> '{}' then
-    perform semap.take_late(p_source, v_late);
+    perform semap.queue_late(p_source, v_late);
   end if;
   if v_is_many or p_is_stale or v_late <> '{}' then
     v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from unnest(v_arrivals)));
@@ -151,7 +151,6 @@ declare
   v_is_at_once  boolean;
   v_is_stale    boolean := false;
   v_in_pairs    boolean;
-  v_late_pairs  semap.arrival[];
 begin
   if current_setting('transaction_isolation') <> 'read committed' then
     perform semap.require_read_committed();
@@ -184,16 +183,16 @@ begin
       perform semap.flush_positions(array[p_source_id]);
     end if;
   end if;
-  if v_in_pairs then
-    select array_agg(semap.arrival_of(n, t)) into v_late_pairs
-    from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
-    join semap.track_now t using (track_id)
-    where p.map_id = v_source.map_id;
-  end if;
   perform semap.store_states(v_source, p_chunks, v_found, v_is_stale);
   perform semap.count_states(p_source_id, p_chunks, v_found.states, v_last, v_is_at_once);
-  if v_late_pairs is not null then
-    perform semap.take_late_pairs(v_source.map_id, v_late_pairs);
+  if v_in_pairs then
+    insert into semap.late_state (track_id, stamp, source_id, of_pairs)
+    select n.track_id, n.stamp, p_source_id, true
+    from semap.pair_progress p join semap.states_in(p_chunks) n on n.stamp <= p.through
+    where p.map_id = v_source.map_id;
+    if found then
+      notify semap_late;
+    end if;
   end if;
   perform semap.note_newest(p_source_id, v_last, p_is_whole);
 end $$;

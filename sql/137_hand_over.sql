@@ -30,6 +30,7 @@ create or replace function semap.hand_over_tracks(p_track_ids bigint[], p_source
 language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_source_ids  integer[];
+  v_source_id   integer;
 begin
   if exists (select from pg_locks where pid = pg_backend_pid() and locktype = 'advisory' and classid = 7364) then
     raise exception 'Tracks are handed over in a transaction of its own.'
@@ -43,6 +44,11 @@ begin
     raise exception 'Some of these tracks were just handed to another source.'
       using errcode = 'serialization_failure', hint = 'Look where they are, and try again.';
   end if;
+  -- what came late is corrected by the states of the source that it came from
+  foreach v_source_id in array v_source_ids loop
+    while semap.correct_tracks(v_source_id) > 0 loop
+    end loop;
+  end loop;
   perform set_config('semap.source_is_held', 'on', true);
   update semap.track set source_id = p_source_id where track_id = any (p_track_ids) and source_id <> p_source_id;
   perform set_config('semap.source_is_held', 'off', true);

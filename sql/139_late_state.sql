@@ -1,6 +1,6 @@
 -- Late states, which come when their track has gone on already, correct what is known of it: which relations held when
 -- is what it would be had all states come in the order of their stamps. What was written and does not stand is taken
--- back by a change that says so, and what was not written is added, both in the transaction that brings the states.
+-- back by a change that says so, and what was not written is added, both in one transaction (sql/148).
 --
 -- Only what a late state can have changed is found anew: from the last moment before it at which the memory of the
 -- track beside a region was a matter of nothing before (semap.follow_steps), up to the first such moment after it. For
@@ -192,97 +192,100 @@ begin
   on conflict (track_id, region_id) do update set since = excluded.since where n.since <> excluded.since;
 end $$;
 
--- Correct what is known of a track after states of it that came late, at these stamps, ascending.
-create or replace function semap.amend_track(p_source semap.source, p_now semap.track_now, p_late timestamptz[])
-returns void
+-- Queue states that came late, and count them. Rules wait until those are corrected that came within the lateness of
+-- their source, so that they never see what is taken back by them.
+create or replace function semap.queue_late(p_source semap.source, p_late semap.arrival[]) returns void
 language plpgsql as $$
-declare
-  c_most_states  constant integer := 10000;
-  c_most_late    constant integer := 500;
-  v_late         timestamptz[] := p_late;
-  v_not_yet      timestamptz[];
-  v_before       integer;
-  v_from         integer;
-  v_states       semap.track_state[];
-  v_first        timestamptz;
-  v_last         timestamptz;
-  v_late_to      timestamptz;
-  v_is_first     boolean;
-  v_is_present   boolean;
-  v_again        record;
-  v_found        record;
-  v_is_unknown   boolean;
-  v_is_unsettled boolean;
 begin
-  while cardinality(v_late) > 0 loop
-    v_before := 16;
-    v_from := 16;
-    v_not_yet := v_late[c_most_late + 1:];
-    loop
-      v_states := array(select s from semap.states_around((p_now).track_id, v_late[1], v_before, v_from,
-                                                          (p_now).stamp) s);
-      select min(stamp), max(stamp), count(*) filter (where stamp >= v_late[1]) < v_from
-      into v_first, v_last, v_is_present from unnest(v_states);
-      v_is_first := v_first <= (p_now).first_stamp;
-      if v_is_present then
-        v_last := (p_now).stamp;
-      end if;
-      if v_not_yet <> '{}' then
-        v_states := array(select s from unnest(v_states) s
-                          where not exists (select from unnest(v_not_yet) late where late = s.stamp));
-      end if;
-      select max(late) into v_late_to from unnest(v_late[:c_most_late]) late where late <= v_last;
-      select * into v_again from semap.arrivals_again(
-        p_source, v_states, p_now, v_is_first,
-        array(select distinct stamp from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, v_first,
-                                                                         v_last)
-              where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
-              union select (p_now).stamp where v_is_present and not (p_now).live),
-        v_late_to);
-      select * into v_found from semap.follow_steps(
-        v_again.arrivals,
-        semap.verges_before((p_now).track_id, (p_now).map_id, (p_now).cell_m, v_again.arrivals, v_late_to),
-        v_late[1], coalesce(v_again.known_from, 'infinity'), coalesce(v_again.free_from, 'infinity'));
-      select coalesce(bool_or(from_stamp is null), false) and not v_is_first,
-             coalesce(bool_or(to_stamp is null), false) and not v_is_present
-      into v_is_unknown, v_is_unsettled from unnest(v_found.spans);
-      exit when not (v_is_unknown and v_before < c_most_states or v_is_unsettled and v_from < c_most_states);
-      v_before := v_before * case when v_is_unknown then 4 else 1 end;
-      v_from := v_from * case when not v_is_unsettled then 1
-        when (select count(*) from unnest(v_late[:c_most_late]) late where late <= v_last) * 4 >= v_from
-          then 16 else 4 end;
-    end loop;
+  insert into semap.late_state (track_id, stamp, source_id, of_pairs)
+  select track_id, stamp, p_source.source_id, false from unnest(p_late);
+  update semap.source s
+  set late_states = s.late_states + cardinality(p_late),
+      late_from = least(s.late_from, (select min(stamp) from unnest(p_late) where stamp > semap.complete_through(s)))
+  where s.source_id = p_source.source_id;
+  -- which tracks began earlier than was known
+  update semap.track_now t set first_stamp = n.stamp
+  from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
+  where t.track_id = n.track_id and n.stamp < t.first_stamp;
+  notify semap_late;
+end $$;
 
-    perform semap.write_amendments(
-      p_now, v_found.crossings,
-      array(select row(region_id, coalesce(from_stamp, case when v_is_first then '-infinity'
-                                                            else v_late[1] - interval '1 us' end),
-                       coalesce(to_stamp, v_last))::semap.replayed from unnest(v_found.spans)),
-      array(select region_id from unnest(v_found.spans) where to_stamp is null and v_is_present));
-    if v_is_present then
-      perform semap.keep_present(p_now, array(
-        select v from unnest(v_found.verges) v join unnest(v_found.spans) s using (region_id)
-          where s.to_stamp is null));
+-- Follow a track anew around the oldest of its late states that are queued, at most so many: from late_from up to
+-- late_to. It writes nothing.
+create or replace function semap.replay_track(
+  p_now semap.track_now, p_most integer, out late_from timestamptz, out late_to timestamptz, out last timestamptz,
+  out is_first boolean, out is_present boolean, out verges semap.verge[], out crossings semap.crossing[],
+  out spans semap.replayed[]
+) language plpgsql stable as $$
+declare
+  c_most_states   constant integer := 10000;
+  c_source        constant semap.source := (select s from semap.source s where source_id = p_now.source_id);
+  c_queued        constant timestamptz[] := array(select stamp from semap.late_state
+                                                  where track_id = p_now.track_id and not of_pairs order by stamp);
+  c_not_yet       constant timestamptz[] := c_queued[p_most + 1:];
+  v_before        integer := 16;
+  v_from          integer := 16;
+  v_states        semap.track_state[];
+  v_first         timestamptz;
+  v_again         record;
+  v_is_unknown    boolean;
+  v_is_unsettled  boolean;
+begin
+  late_from := c_queued[1];
+  loop
+    v_states := array(select s from semap.states_around(p_now.track_id, late_from, v_before, v_from, p_now.stamp) s);
+    select min(stamp), max(stamp), count(*) filter (where stamp >= late_from) < v_from
+    into v_first, last, is_present from unnest(v_states);
+    is_first := v_first <= p_now.first_stamp;
+    if is_present then
+      last := p_now.stamp;
     end if;
-    v_late := array(select late from unnest(v_late) late where late > v_late_to order by late);
+    if c_not_yet <> '{}' then
+      v_states := array(select s from unnest(v_states) s where s.stamp <> all (c_not_yet));
+    end if;
+    select coalesce(max(late), late_from) into late_to from unnest(c_queued[:p_most]) late where late <= last;
+    v_again := semap.arrivals_again(
+      c_source, v_states, p_now, is_first,
+      array(select distinct stamp
+            from semap.standing_changes_of_track(p_now.map_id, p_now.track_id, v_first, last)
+            where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
+            union select p_now.stamp where is_present and not p_now.live),
+      late_to);
+    select f.verges, f.crossings, f.spans into verges, crossings, spans from semap.follow_steps(
+      v_again.arrivals,
+      semap.verges_before(p_now.track_id, p_now.map_id, p_now.cell_m, v_again.arrivals, late_to),
+      late_from, coalesce(v_again.known_from, 'infinity'), coalesce(v_again.free_from, 'infinity')) f;
+    select coalesce(bool_or(from_stamp is null), false) and not is_first,
+           coalesce(bool_or(to_stamp is null), false) and not is_present
+    into v_is_unknown, v_is_unsettled from unnest(spans);
+    exit when not (v_is_unknown and v_before < c_most_states or v_is_unsettled and v_from < c_most_states);
+    v_before := v_before * case when v_is_unknown then 4 else 1 end;
+    v_from := v_from * case when not v_is_unsettled then 1
+      when (select count(*) from unnest(c_queued[:p_most]) late where late <= last) * 4 >= v_from then 16 else 4 end;
   end loop;
 end $$;
 
--- Count states that came late, and correct what is known of their tracks.
-create or replace function semap.take_late(p_source semap.source, p_late semap.arrival[]) returns void
+-- Correct what is known of a track after the oldest of its late states that are queued, at most so many: of how many
+-- states. Whoever calls it keeps the writers of its source out.
+create or replace function semap.correct_track(p_track_id bigint, p_most integer default 500) returns bigint
 language plpgsql as $$
 declare
-  v_track  record;
+  c_now        constant semap.track_now := (select n from semap.track_now n where track_id = p_track_id);
+  v_found      record;
+  v_corrected  bigint;
 begin
-  perform semap.note_late((p_source).source_id, p_late);
-  for v_track in
-    select n as now, l.seen_stamp, l.stamps
-    from (select track_id, max(seen_stamp) as seen_stamp, array_agg(distinct stamp order by stamp) as stamps
-          from unnest(p_late) group by track_id) l
-    join semap.track_now n using (track_id)
-    order by track_id
-  loop
-    v_track.now.stamp := v_track.seen_stamp;
-    perform semap.amend_track(p_source, v_track.now, v_track.stamps);
-  end loop;
+  v_found := semap.replay_track(c_now, p_most);
+  perform semap.write_amendments(
+    c_now, v_found.crossings,
+    array(select row(region_id, coalesce(from_stamp, case when v_found.is_first then '-infinity'
+                                                          else v_found.late_from - interval '1 us' end),
+                     coalesce(to_stamp, v_found.last))::semap.replayed from unnest(v_found.spans)),
+    array(select region_id from unnest(v_found.spans) where to_stamp is null and v_found.is_present));
+  if v_found.is_present then
+    perform semap.keep_present(c_now, array(
+      select v from unnest(v_found.verges) v join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
+  end if;
+  delete from semap.late_state where track_id = p_track_id and not of_pairs and stamp <= v_found.late_to;
+  get diagnostics v_corrected = row_count;
+  return v_corrected;
 end $$;

@@ -3,7 +3,7 @@
 -- source speaks first: at each stamp all tracks are where their latest state at or before it says. `pair_progress`
 -- tells up to which stamp that is done. followed_state has where the tracks were then. The transaction that completes a
 -- stamp, by moving a source (sql/125), follows the pairs up to it. States at or before it that come later are late
--- (sql/129).
+-- (sql/129, 148).
 --
 -- The row of the source is locked before the pairs of its map, by who writes states as by who says a watermark.
 
@@ -210,25 +210,10 @@ end $$;
 
 create or replace trigger source_completes after update on semap.source
   for each row when (
-    (new.watermark, new.newest_stamp, new.newest_is_whole, new.lateness, new.ended, new.idle)
-    is distinct from (old.watermark, old.newest_stamp, old.newest_is_whole, old.lateness, old.ended, old.idle))
+    (new.watermark, new.newest_stamp, new.newest_is_whole, new.lateness, new.ended, new.idle, new.late_from)
+    is distinct from
+    (old.watermark, old.newest_stamp, old.newest_is_whole, old.lateness, old.ended, old.idle, old.late_from))
   execute function semap.source_completes();
 
 create or replace trigger source_gone after delete on semap.source
   for each row execute function semap.source_completes();
-
--- Correct pairs after these states, each of a stamp up to which the pairs of their map were followed already; tracks
--- that are known by a newer one than before are there from now on.
-create or replace function semap.take_late_pairs(p_map_id integer, p_late semap.arrival[]) returns void
-language plpgsql as $$
-declare
-  c_ids     constant bigint[] := array(select distinct track_id from unnest(p_late));
-  v_places  semap.track_state[];
-begin
-  perform semap.amend_pairs(p_map_id, p_late);
-  v_places := array(select s from semap.tracks_followed(p_map_id, c_ids) s);
-  perform semap.end_pairs(p_map_id, array(select id from unnest(c_ids) id
-                                          where not exists (select from unnest(v_places) p where p.track_id = id)),
-                          null, 'disappeared');
-  perform semap.keep_followed(p_map_id, c_ids, v_places);
-end $$;

@@ -124,7 +124,7 @@ declare
   v_crossings  semap.crossing[];
   v_pairs      bigint;
 begin
-  perform semap.change_regions();
+  perform semap.change_regions(), semap.correct_all(p_map_id);
   perform semap.repair_presents(p_map_id);
   perform semap.choose_tracks(array_agg(query_id), null) from semap.continuous_query where map_id = p_map_id
   having count(*) > 0;

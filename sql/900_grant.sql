@@ -45,9 +45,11 @@ to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
-grant execute on function semap.ensure_partitions, semap.add_states, semap.hand_over_tracks to semap_ingest;
+grant execute on function semap.ensure_partitions, semap.add_states, semap.correct_some, semap.hand_over_tracks
+to semap_ingest;
 
-grant execute on function semap.compact_states, semap.flush_silent_sources, semap.complete_silent_sources,
+grant execute on function semap.correct_some, semap.compact_states, semap.flush_silent_sources,
+  semap.complete_silent_sources,
   semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
 grant execute on function
   semap.ensure_partitions, semap.drop_day, semap.drop_rows

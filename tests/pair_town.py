@@ -168,7 +168,8 @@ class Town:
         self._release([newest_us - 1 for newest_us in self.newest_us])
 
     def settle(self) -> None:
-        """All sources have given all that they have."""
+        """All sources have given all that they have, and what came late is corrected."""
+        self.world.correct()
         if not self.tracks or max(self.newest_us) < 0:
             return
         self.world.run(

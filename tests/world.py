@@ -179,8 +179,13 @@ class World:
             for each in samples:
                 copy.write_row((track_id, to_datetime(each.stamp_us), each.x_m, each.y_m, each.z_m,
                                 each.std_m, each.is_last, each.std_across_m, each.std_yaw_rad))  # fmt: skip
+        self.correct()
         if samples:
             self.say(self.source_of(track_id), max(each.stamp_us for each in samples))
+
+    def correct(self) -> None:
+        """What came late is corrected, as the worker does it."""
+        self.run("select semap.correct_all()")
 
     def add_states(self, states: Sequence[State]) -> None:
         """States in one statement, after which their source has given all up to the newest of them."""
@@ -194,6 +199,7 @@ class World:
         with self.connection.cursor() as cursor, cursor.copy(statement) as copy:
             for track_id, stamp_us, x_m, y_m, z_m, *is_last in states:
                 copy.write_row((track_id, to_datetime(stamp_us), x_m, y_m, z_m, is_last == [True]))
+        self.correct()
 
     def complete(self, source_id: int) -> None:
         """A source that says no watermark has given all states of its newest stamp."""
@@ -219,6 +225,7 @@ class World:
             [float(y_m) for y_m in ys_m],
             None if set(zs_m) == {None} else [None if z_m is None else float(z_m) for z_m in zs_m],
         )
+        self.correct()
 
     def changes(self) -> list[tuple[str, str, str, str, int]]:
         """Track, room, kind, cause and stamp [us] of every change, as they were written."""

@@ -8,6 +8,7 @@ create table semap.source (
   newest_is_whole  boolean not null default false,
   lateness         interval not null default '0' check (lateness >= '0'),
   late_states      bigint not null default 0,
+  late_from        timestamptz,
   idle             boolean not null default false,
   ended            boolean not null default false,
   jump_m           double precision default 15 check (jump_m > 0),
@@ -21,6 +22,8 @@ comment on column semap.source.newest_stamp is
   'Where it says no watermark: its newest stamp, before which all states are taken to have come.';
 comment on column semap.source.newest_is_whole is
   'Whether all states at the newest stamp have come: those of a frame have, or silence followed.';
+comment on column semap.source.late_from is
+  'From which stamp on late states within its lateness are queued: rules wait for their corrections.';
 
 create table semap.source_count (
   source_id        integer primary key references semap.source on delete cascade,
@@ -74,6 +77,17 @@ create table semap.track_end (
 );
 comment on table semap.track_end is
   'When tracks were said to have ended, beside states that are their last; some went on after that.';
+
+create table semap.late_state (
+  track_id   bigint not null,
+  stamp      timestamptz not null,
+  source_id  integer not null,
+  of_pairs   boolean not null,
+  primary key (track_id, of_pairs, stamp)
+);
+create index late_state_source on semap.late_state (source_id, of_pairs, stamp);
+comment on table semap.late_state is
+  'States that came late, and whose corrections of the past are to be written: of regions, or of pairs.';
 
 create table semap.track_amendment (
   track_amendment_id  bigint generated always as identity primary key,

@@ -76,11 +76,14 @@ create table semap.pair_form (
 );
 
 create table semap.pair_progress (
-  map_id   integer primary key references semap.map on delete cascade,
-  through  timestamptz not null
+  map_id    integer primary key references semap.map on delete cascade,
+  through   timestamptz not null,
+  revision  bigint not null default 0
 );
 comment on table semap.pair_progress is
   'Up to which stamp the pairs of a map were followed; followed_state has where tracks were then.';
+comment on column semap.pair_progress.revision is
+  'How often what was known of pairs up to then changed: a correction is of that which it was made from.';
 
 -- What a relation is (sql/112), of a query, a subject and an object: tracks by their ids, instances by theirs below zero.
 create type semap.relation_state as (

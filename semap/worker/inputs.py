@@ -117,6 +117,8 @@ def source_change(change: Change) -> SourceChange | None:
         complete_us -= 1
     if not has_ended:
         complete_us -= _interval_us(text_of(row, "lateness"))
+    if row["late_from"] is not None:
+        complete_us = min(complete_us, _stamp_us(row["late_from"]) - 1)
     return SourceChange(
         integer_of(row, "map_id"),
         integer_of(row, "source_id"),

@@ -48,6 +48,7 @@ NOW = {
     """,
     "source": """
         select source_id::text, map_id::text, watermark::text, newest_stamp::text, lateness::text,
+               late_from::text,
                case when newest_is_whole then 't' else 'f' end as newest_is_whole,
                case when ended then 't' else 'f' end as ended, case when idle then 't' else 'f' end as idle
         from semap.source order by source_id

@@ -22,7 +22,6 @@ LONG = {
     "semap.follow_steps": 103,
     "semap.rechoose_tracks": 63,
     "semap.write_amendments": 82,
-    "semap.amend_track": 74,
     "semap.lines_arrived": 68,
     "semap.ways_from": 77,
     "semap.repair_relations": 78,

@@ -102,6 +102,8 @@ def send(town: Town, letters: list[Letter], dice: random.Random) -> None:
                 ]
             for part in filter(None, parts):
                 town.see(*((each.thing, each.is_last) for each in dice.sample(part, len(part))))
+                if dice.random() < 0.3:
+                    town.world.correct()
 
 
 def rounded(changes: list[Change]) -> list[tuple]:

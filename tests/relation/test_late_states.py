@@ -248,9 +248,12 @@ def test_writers_of_two_sources_correct_at_once(world: World) -> None:
                     "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, to_timestamp(%s), %s, 2)",
                     [track, at_s, 2 if at_s % 4 < 2 else 9],
                 )
+                if at_s % 3 == 0:
+                    connection.execute("select semap.correct_some()")
 
     with ThreadPoolExecutor() as pool:
         list(pool.map(write, ids))
+    world.correct()
     spans = [(at_s, at_s + 2) for at_s in range(4, 40, 4)]
     for name in ("one", "two"):
         found = world.rows(

@@ -76,6 +76,7 @@ def test_states_that_come_late_and_again_are_counted(service: Service) -> None:
     said = scraped(service)
     assert value(said, "semap_received_total", map="office", source="lidar", kind="track_state") == 3
     assert value(said, "semap_late_states_total", map="office", source="lidar") == 1
+    assert value(said, "semap_source_late_states_waiting", map="office", source="lidar") == 1
     service.client.delete("/maps/office")
     assert not any("lidar" in str(labels) for _, labels in scraped(service))
 

@@ -35,7 +35,8 @@ WORKER = text("""
     from semap.progress p where p.worker = 'rules'
 """)
 RECEIVED = text("""
-    select m.name, s.name, c.track_states, c.lines, c.object_states, s.late_states, c.received_at,
+    select m.name, s.name, c.track_states, c.lines, c.object_states, s.late_states,
+           (select count(*) from semap.late_state l where l.source_id = s.source_id), c.received_at,
            nullif(coalesce(s.watermark, s.newest_stamp), '-infinity'), s.idle or s.ended
     from semap.source_count c join semap.source s using (source_id) join semap.map m using (map_id)
     order by c.received_at desc limit :limit
@@ -97,6 +98,7 @@ class SourceFigures:
     lines: int
     object_states: int
     late_states: int
+    late_waiting: int
     received_at: datetime
     watermark: datetime | None
     is_silent: bool

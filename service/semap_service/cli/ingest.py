@@ -99,9 +99,10 @@ def tracks(
     Bad rows are left out and reported; then the exit status is 1, unless --skip-bad.
     """
     from semap_ingest.mirror import Follower, count_inside  # noqa: PLC0415
-    from semap_ingest.replay import Plan, in_map_frame, replay  # noqa: PLC0415
+    from semap_ingest.replay import ROLE, Plan, in_map_frame, replay  # noqa: PLC0415
     from semap_ingest.track_file import Layout, fingerprint, read_tracks  # noqa: PLC0415
 
+    from semap.store.motion.correction import correct_past  # noqa: PLC0415
     from semap.timeline.stamp import parse_stamp  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
     from semap_service.cli.written_attributes import read_attributes  # noqa: PLC0415
@@ -147,6 +148,8 @@ def tracks(
             read = in_map_frame(opened, map_name, frame, read)
         with progress_bar("states", quiet=as_json) as advance:
             done = replay(opened, plan, read, advance)
+        if done.late:
+            correct_past(opened, ROLE)
         inside = None
         if follower.wait_ready(MIRROR_WAIT_S):
             inside = count_inside(follower.footprints(map_name, "Room"), read.x_m, read.y_m)
@@ -332,8 +335,10 @@ def recording(
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
     from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
+    from semap_ingest.replay import ROLE  # noqa: PLC0415
 
     from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap.store.motion.correction import correct_past  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
     write_log(log_format, log_level)
@@ -364,6 +369,7 @@ def recording(
         interruptible() as stop,
     ):
         done = ingest_recording(opened, plan, advance, stop)
+        correct_past(opened, ROLE)
     if as_json:
         print_json(asdict(done))
     else:

@@ -134,9 +134,11 @@ def work(
 ) -> None:
     """Run the rule worker: it reads relation changes from the log and writes events.
 
-    One worker reads at a time; a second one stands by. Its background tasks run `semap db maintain` once an
-    hour, answer requests for queries in SQL, expand track batches to rows, and mark idle sources.
+    One worker reads at a time; a second one stands by. Its background tasks correct the past after late
+    states, run `semap db maintain` once an hour, answer requests for queries in SQL, compact states, and mark
+    idle sources.
     """
+    from semap.worker.correcting import correcting  # noqa: PLC0415
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
@@ -152,6 +154,7 @@ def work(
         housekeeping(opened),
         answering(opened),
         settling(opened),
+        correcting(opened),
     ):
         follow(opened, stop)
 

@@ -199,6 +199,7 @@ def _of_sources(figures: Figures) -> Iterator[Metric]:
         "States that came after the present of what they are about.",
         labels=["map", "source"],
     )
+    late_waiting = _per_source("late_states_waiting", "Late states whose corrections are not written yet.")
     received_at = _per_source("received_timestamp_seconds", "When something last came in.")
     watermark = _per_source("watermark_timestamp_seconds", "The watermark of a source.")
     silent = _per_source("silent", "Whether rules wait for it no more, since it is idle or has ended.")
@@ -208,11 +209,12 @@ def _of_sources(figures: Figures) -> Iterator[Metric]:
         received.add_metric([*labels, "line"], source.lines)
         received.add_metric([*labels, "object_state"], source.object_states)
         late.add_metric(labels, source.late_states)
+        late_waiting.add_metric(labels, source.late_waiting)
         received_at.add_metric(labels, source.received_at.timestamp())
         silent.add_metric(labels, source.is_silent)
         if isinstance(source.watermark, datetime):
             watermark.add_metric(labels, source.watermark.timestamp())
-    yield from (received, late, received_at, watermark, silent)
+    yield from (received, late, late_waiting, received_at, watermark, silent)
 
 
 def _per_source(name: str, said: str) -> GaugeMetricFamily:

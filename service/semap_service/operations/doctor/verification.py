@@ -14,6 +14,7 @@ from psycopg import IsolationLevel, sql
 
 from semap.errors import NotFound
 from semap.store.database.connection import connect, translated
+from semap.store.motion.correction import correct_past
 from semap_service.operations.doctor.careful_check import Progress, check_careful
 
 EXAMPLES = 5
@@ -156,7 +157,8 @@ class Verification:
 
 
 def verify(dsn: str, progress: Progress) -> Verification:
-    """A connection of its own, which the caller closes (`Verification.connection`)."""
+    """A connection of its own, which the caller closes; what came late is corrected before."""
+    correct_past(dsn)
     return Verification(connect(dsn, application="semap doctor", autocommit=True), progress)
 
 
