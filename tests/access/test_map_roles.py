@@ -9,8 +9,8 @@ import pytest
 from guarded import Building
 from psycopg.sql import SQL, Identifier
 
+from semap.schema_files import schema_folder
 from semap.store.database.connection import connect
-from semap.store.database.schema_files import schema_folder
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
 SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
