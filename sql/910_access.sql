@@ -52,7 +52,7 @@ begin
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_amendment,'
-    ' semap.predicate, semap.query_predicate, semap.continuous_query, semap.condition, semap.region, semap.relation,'
+    ' semap.predicate, semap.continuous_query, semap.condition, semap.region, semap.relation,'
     ' semap.relation_change, semap.relation_past, semap.verge,'
     ' semap.query_track, semap.pair, semap.pair_form, semap.pair_instance, semap.followed_state, semap.pair_progress,'
     ' semap.track_end, semap.object_state, semap.rule,'

@@ -13,7 +13,7 @@ from semap.schema_files import schema_folder
 from semap.store.database.connection import connect
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
-SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
+SHARED = {"predicate", "concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
           "retention"}  # fmt: skip
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
