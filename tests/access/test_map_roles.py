@@ -18,7 +18,7 @@ SHARED = {"predicate", "concept", "concept_parent", "concept_iri", "behaviour", 
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
     "job", "login_map", "line_observation", "track_state", "state_chunk", "region_cell", "region_edge", "rule_state", "pending_row",
-    "region_wanted", "query_side", "side_track", "query_track_wanted",
+    "region_wanted", "query_side", "query_predicate", "side_track", "query_track_wanted",
     "pair_side", "pair_instance_wanted", "pair_track_wanted", "pair_reach", "track_side",
     "stored_state", "unflushed_state",
 }  # fmt: skip
