@@ -21,7 +21,7 @@ declare
 begin
   select r.instance_id, s.ordinal into v_instance_id, edge
   from semap.region r, public.st_dumpsegments(r.footprint) with ordinality as s (path, geom, ordinal)
-  where r.region_id = p_region_id and r.predicate in ('contains', 'covers')
+  where r.region_id = p_region_id and r.compared = 'ground'
     and public.st_dwithin(public.st_boundary(r.footprint), v_point, c_near_m)
     and s.geom operator(public.&&) public.st_expand(v_point, c_near_m)
     and public.st_distance(s.geom, v_point) <= c_near_m

@@ -1,15 +1,52 @@
 -- Which tracks a continuous query is about, where it says more than "any": of a concept, by uid, by a condition on
 -- name, source and attributes. It is told when a track is inserted or changed, or the query is.
 
+-- Each query with what its predicate says of it, and how far what it compares of two things may be apart for it to hold
+-- (infinite: any distance).
+create or replace view semap.query_predicate as
+  select q.query_id, q.map_id, q.predicate, q.subject_kind, q.object_kind, q.in_pairs, q.enabled, p.follows_from,
+         p.subject_compared, p.object_compared,
+         case p.reach when 'any' then 'infinity' when 'distance' then coalesce(q.distance_m, 'infinity') else 0 end
+           + 1e-9 as reach_m
+  from semap.continuous_query q join semap.predicate p on p.name = q.predicate;
+
+-- A query says what its predicate needs to be told and no more, of what it relates; and whether regions answer it.
+create or replace function semap.query_said() returns trigger
+language plpgsql as $$
+declare
+  v_predicate  semap.predicate;
+  v_given      constant text[] := array(
+    select name from (values ('distance_m', new.distance_m is not null), ('count', new.count is not null),
+                             ('angle_rad', new.angle_rad is not null), ('speed_mps', new.speed_mps is not null),
+                             ('direction', new.direction is not null)) g (name, is_given)
+    where is_given);
+begin
+  select * into v_predicate from semap.predicate where name = new.predicate;
+  if not (v_predicate.needs <@ v_given and v_given <@ (v_predicate.needs || v_predicate.takes)) then
+    raise check_violation using
+      message = format('%s is told %s', new.predicate, array_to_string(v_given, ', ', '')),
+      hint = format('It needs %s and takes %s.', v_predicate.needs, v_predicate.takes);
+  elsif new.subject_kind || ' ' || new.object_kind <> all (v_predicate.relates) then
+    raise check_violation using
+      message = format('%s does not relate %s to %s', new.predicate, new.subject_kind, new.object_kind),
+      hint = format('It relates %s.', array_to_string(v_predicate.relates, ', '));
+  end if;
+  new.in_pairs := v_predicate.region_test is null or new.subject_kind <> 'track' or new.object_kind <> 'instance';
+  return new;
+end $$;
+
+create or replace trigger query_said before insert or update on semap.continuous_query
+  for each row execute function semap.query_said();
+
 -- Both sides of each query, with what they ask for.
 create or replace view semap.query_side as
-  select q.query_id, q.name as query_name, q.map_id, q.predicate, q.distance_m, q.abstraction, s.*, q.in_pairs,
-         q.enabled, c.said
+  select q.query_id, q.name as query_name, q.map_id, q.distance_m, q.abstraction, s.*, q.in_pairs, q.enabled, c.said
   from semap.continuous_query q
+  join semap.predicate p on p.name = q.predicate
   cross join lateral (values
-    (false, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_condition_id),
-    (true, q.object_kind, q.object_concept_id, q.object_uids, q.object_condition_id)
-  ) s (is_object, kind, concept_id, uids, condition_id)
+    (false, p.subject_compared, q.subject_kind, q.subject_concept_id, q.subject_uids, q.subject_condition_id),
+    (true, p.object_compared, q.object_kind, q.object_concept_id, q.object_uids, q.object_condition_id)
+  ) s (is_object, compared, kind, concept_id, uids, condition_id)
   left join semap.condition c on c.condition_id = s.condition_id;
 
 -- Every track that a side of a query is about, whether it lives or not.

@@ -1,11 +1,11 @@
--- The band of heights that a predicate asks for, of an abstraction with its heights [m].
-create or replace function semap.predicate_band(
-  p_predicate text, p_dimensions smallint, p_distance_m double precision,
+-- The band of heights in which a region answers, of an abstraction with its heights [m].
+create or replace function semap.region_band(
+  p_compared text, p_dimensions smallint, p_distance_m double precision,
   p_z_min_m double precision, p_z_max_m double precision, out z_min_m double precision, out z_max_m double precision
 ) language sql immutable parallel safe as $$
-  select case when p_predicate = 'on' then p_z_max_m - 0.1 when p_dimensions = 3
+  select case when p_compared = 'top' then p_z_max_m - 0.1 when p_dimensions = 3
     then p_z_min_m - coalesce(p_distance_m, 0) end,
-         case when p_predicate = 'on' then p_z_max_m + 0.5 when p_dimensions = 3
+         case when p_compared = 'top' then p_z_max_m + 0.5 when p_dimensions = 3
            then p_z_max_m + coalesce(p_distance_m, 0) end
 $$;
 
@@ -20,32 +20,23 @@ $$;
 -- The area to the front (x), back, left (y) or right of a shape as its own frame has it, at a yaw [rad]: the side of
 -- its box in that frame, swept outwards by a reach [m].
 create or replace function semap.area_beside(
-  p_shape public.geometry, p_yaw_rad double precision, p_predicate text, p_reach_m double precision
+  p_shape public.geometry, p_yaw_rad double precision, p_side text, p_reach_m double precision
 ) returns public.geometry
 language sql immutable parallel safe as $$
   select public.st_rotate(
-    case p_predicate
-      when 'in_front_of' then public.st_makeenvelope(x_max, y_min, x_max + p_reach_m, y_max)
-      when 'behind' then public.st_makeenvelope(x_min - p_reach_m, y_min, x_min, y_max)
-      when 'left_of' then public.st_makeenvelope(x_min, y_max, x_max, y_max + p_reach_m)
+    case p_side
+      when 'front' then public.st_makeenvelope(x_max, y_min, x_max + p_reach_m, y_max)
+      when 'back' then public.st_makeenvelope(x_min - p_reach_m, y_min, x_min, y_max)
+      when 'left' then public.st_makeenvelope(x_min, y_max, x_max, y_max + p_reach_m)
       else public.st_makeenvelope(x_min, y_min - p_reach_m, x_max, y_min) end, p_yaw_rad)
   from (select public.st_xmin(s) as x_min, public.st_xmax(s) as x_max, public.st_ymin(s) as y_min,
         public.st_ymax(s) as y_max
         from public.st_rotate(p_shape, -p_yaw_rad) s) e
 $$;
 
--- What of an abstraction a predicate compares with the place of a track.
-create or replace function semap.predicate_shape(
-  p_predicate text, p_geometry public.geometry, p_frame_id bigint, p_distance_m double precision
-) returns public.geometry
-language plpgsql stable parallel safe as $$
-begin
-  if p_predicate in ('in_front_of', 'behind', 'left_of', 'right_of') then
-    return (select semap.area_beside(p_geometry, semap.yaw(f.pose), p_predicate, p_distance_m)
-            from semap.frames_in_root(array[p_frame_id]) f);
-  end if;
-  return p_geometry;
-end $$;
+-- Whether an area to a side of a thing is compared.
+create or replace function semap.is_side(p_compared text) returns boolean
+language sql immutable parallel safe return p_compared in ('front', 'back', 'left', 'right');
 
 -- Every region that the continuous queries ask for: one for each instance that a query is about and that has the
 -- abstraction it compares. `footprint` is where the relation holds, as a polygon; `shape` what the predicate compares;
@@ -53,18 +44,21 @@ end $$;
 create or replace view semap.region_wanted as
   select q.query_id, q.name as query_name, i.instance_id, i.uid as instance_uid, i.name as instance_name, i.map_id,
          f.footprint, coalesce(b.z_min_m, '-infinity') as z_min_m, coalesce(b.z_max_m, 'infinity') as z_max_m,
-         q.predicate, case when q.careful then s.shape end as shape, q.by_m as distance_m,
+         q.region_test as test, q.object_compared as compared,
+         case when q.careful then s.shape end as shape, q.by_m as distance_m,
          case when q.enter_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) - q.enter_margin_m) end as core,
          case when q.leave_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) + q.leave_margin_m) end as reach,
          q.enter_confirm, q.leave_confirm, semap.normal_quantile(q.enter_probability) as enter_stds,
          -semap.normal_quantile(q.leave_probability) as leave_stds, q.widest_std_m, q.longest_gap, q.fastest_mps,
          q.subject, q.careful
   from (
-    select c.*, case when predicate = 'within_distance' then distance_m end as by_m, t.subject,
-           predicate <> 'contains' or enter_margin_m > 0 or leave_margin_m > 0 or enter_confirm > '0'
-           or leave_confirm > '0' or enter_probability is not null or longest_gap is not null
+    select c.*, p.region_test, p.object_compared, case when p.region_test = 'dwithin' then distance_m end as by_m,
+           t.subject,
+           p.region_test <> 'contains' or p.object_compared <> 'ground' or enter_margin_m > 0 or leave_margin_m > 0
+           or enter_confirm > '0' or leave_confirm > '0' or enter_probability is not null or longest_gap is not null
            or t.subject is not null as careful
     from semap.continuous_query c
+    join semap.predicate p on p.name = c.predicate
     cross join lateral (
       select nullif(concat_ws('|', subject_concept_id, subject_uids, subject_where), '') as subject) t
   ) q
@@ -74,10 +68,12 @@ create or replace view semap.region_wanted as
     select concept_id from semap.concept where q.object_concept_id is null) c
   join semap.instance i on i.map_id = q.map_id and i.concept_id = c.concept_id
   join semap.abstraction a on a.description_id = i.absolute_description_id and a.type = q.abstraction
-  cross join lateral semap.predicate_band(q.predicate, q.dimensions, q.by_m, a.z_min_m, a.z_max_m) b
-  cross join lateral (select case when q.predicate in ('contains', 'covers', 'within_distance', 'on') then a.geometry
-                                  else semap.predicate_shape(q.predicate, a.geometry, i.frame_id,
-                                                             q.distance_m) end) s (shape)
+  cross join lateral semap.region_band(q.object_compared, q.dimensions, q.by_m, a.z_min_m, a.z_max_m) b
+  cross join lateral (
+    select case when semap.is_side(q.object_compared)
+             then (select semap.area_beside(a.geometry, semap.yaw(f.pose), q.object_compared, q.distance_m)
+                   from semap.frames_in_root(array[i.frame_id]) f)
+             else a.geometry end) s (shape)
   cross join lateral (select semap.grown(s.shape, coalesce(q.by_m, 0))) f (footprint)
   left join semap.condition oc on oc.condition_id = q.object_condition_id
   where q.enabled and not q.in_pairs

@@ -116,11 +116,11 @@ begin
   with changed as (
     insert into semap.region as r (
       query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
-      predicate, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      test, compared, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
       widest_std_m, longest_gap, fastest_mps, subject, careful)
     select
       query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
-      predicate, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      test, compared, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
       widest_std_m, longest_gap, fastest_mps, subject, careful
     from semap.region_wanted
     where instance_id = any (p_instance_ids)
@@ -128,19 +128,19 @@ begin
     on conflict (query_id, instance_id) do update set
       query_name = excluded.query_name, instance_uid = excluded.instance_uid,
       instance_name = excluded.instance_name, footprint = excluded.footprint, z_min_m = excluded.z_min_m,
-      z_max_m = excluded.z_max_m, predicate = excluded.predicate, shape = excluded.shape,
+      z_max_m = excluded.z_max_m, test = excluded.test, compared = excluded.compared, shape = excluded.shape,
       distance_m = excluded.distance_m, core = excluded.core, reach = excluded.reach,
       enter_confirm = excluded.enter_confirm, leave_confirm = excluded.leave_confirm,
       enter_stds = excluded.enter_stds, leave_stds = excluded.leave_stds, widest_std_m = excluded.widest_std_m,
       longest_gap = excluded.longest_gap, fastest_mps = excluded.fastest_mps, subject = excluded.subject,
       careful = excluded.careful
     where (r.query_name, r.instance_uid, r.instance_name, st_asbinary(r.footprint), r.z_min_m, r.z_max_m,
-           r.predicate, st_asbinary(r.shape), r.distance_m, st_asbinary(r.core), st_asbinary(r.reach),
+           r.test, r.compared, st_asbinary(r.shape), r.distance_m, st_asbinary(r.core), st_asbinary(r.reach),
            r.enter_confirm, r.leave_confirm, r.enter_stds, r.leave_stds, r.widest_std_m, r.longest_gap,
            r.fastest_mps, r.subject, r.careful)
       is distinct from
           (excluded.query_name, excluded.instance_uid, excluded.instance_name, st_asbinary(excluded.footprint),
-           excluded.z_min_m, excluded.z_max_m, excluded.predicate, st_asbinary(excluded.shape),
+           excluded.z_min_m, excluded.z_max_m, excluded.test, excluded.compared, st_asbinary(excluded.shape),
            excluded.distance_m, st_asbinary(excluded.core), st_asbinary(excluded.reach),
            excluded.enter_confirm, excluded.leave_confirm, excluded.enter_stds, excluded.leave_stds,
            excluded.widest_std_m, excluded.longest_gap, excluded.fastest_mps, excluded.subject,
@@ -267,10 +267,11 @@ begin
     from semap.region_wanted w left join semap.region r using (query_id, instance_id)
     where r.instance_id is null
   ) differing;
-  perform semap.refresh_pairs(array_agg(query_id), null) from semap.continuous_query
-  where in_pairs and enabled
+  perform semap.refresh_pairs(array_agg(q.query_id), null)
+  from semap.continuous_query q join semap.query_predicate p using (query_id)
+  where q.in_pairs and q.enabled
     -- what is an opening
-    and (subject_concept_id is not null or object_concept_id is not null or predicate = 'crosses');
+    and (q.subject_concept_id is not null or q.object_concept_id is not null or p.object_compared = 'line');
   return null;
 end $$;
 

@@ -24,42 +24,57 @@ language sql immutable parallel safe as $$
     public.st_makepoint(p_x_max_m, p_y_max_m, (2 * p_query_id::double precision + p_is_object::integer + 0.25) * 1e8))
 $$;
 
--- Whether a predicate compares more of a track than its place.
-create or replace function semap.compares_ground(p_predicate text, p_is_object boolean) returns boolean
-language sql immutable parallel safe as $$
-  select p_predicate = 'intersects'
-      or p_is_object and p_predicate in ('contains', 'covers', 'in_front_of', 'behind', 'left_of', 'right_of')
-$$;
+-- Whether more of a track is compared than its place.
+create or replace function semap.covers_ground(p_compared text) returns boolean
+language sql immutable parallel safe return p_compared in ('ground', 'front', 'back', 'left', 'right');
 
--- What of a track a predicate compares: its place, the ground that it covers, or what lies beside that.
+-- What is compared of a track: its place, the ground that it covers, or what lies to a side of that.
 create or replace function semap.track_shape(
-  p_predicate text, p_is_object boolean, p_distance_m double precision, p_x_m double precision, p_y_m double precision,
+  p_compared text, p_distance_m double precision, p_x_m double precision, p_y_m double precision,
   p_heading_rad double precision, p_length_m double precision, p_width_m double precision
 ) returns public.geometry
 language plpgsql immutable parallel safe as $$
 begin
-  if p_predicate = 'intersects' or p_is_object and p_predicate in ('contains', 'covers') then
+  if p_compared = 'ground' then
     return coalesce(semap.track_footprint(p_x_m, p_y_m, p_heading_rad, p_length_m, p_width_m),
                     public.st_point(p_x_m, p_y_m));
-  elsif p_is_object and p_predicate in ('in_front_of', 'behind', 'left_of', 'right_of') then
+  elsif semap.is_side(p_compared) then
     return semap.area_beside(semap.track_footprint(p_x_m, p_y_m, p_heading_rad, p_length_m, p_width_m),
-                             p_heading_rad, p_predicate, p_distance_m);
+                             p_heading_rad, p_compared, p_distance_m);
   end if;
   return public.st_point(p_x_m, p_y_m);
 end $$;
 
--- What of an instance a predicate compares: the abstraction, what lies beside it, or the lines that are crossed.
+-- What is compared of an instance: the abstraction, what lies to a side of it, or the lines that are crossed.
 create or replace function semap.instance_shape(
-  p_predicate text, p_is_object boolean, p_distance_m double precision, p_shape public.geometry,
-  p_yaw_rad double precision
+  p_compared text, p_distance_m double precision, p_shape public.geometry, p_yaw_rad double precision
 ) returns public.geometry
 language sql immutable parallel safe as $$
   select case
-    when p_is_object and p_predicate in ('in_front_of', 'behind', 'left_of', 'right_of')
-      then semap.area_beside(p_shape, p_yaw_rad, p_predicate, p_distance_m)
-    when p_is_object and p_predicate = 'crosses' and public.st_dimension(p_shape) = 2
+    when semap.is_side(p_compared) then semap.area_beside(p_shape, p_yaw_rad, p_compared, p_distance_m)
+    when p_compared = 'line' and public.st_dimension(p_shape) = 2
       then public.st_boundary(public.st_forcepolygonccw(p_shape))
     else p_shape end
+$$;
+
+-- A track as it is compared.
+create or replace function semap.compared_track(
+  p_state semap.track_state, p_compared text, p_distance_m double precision
+) returns semap.compared
+language sql immutable parallel safe as $$
+  select row(p_state.track_id, public.st_point(p_state.x_m, p_state.y_m),
+             case when semap.covers_ground(p_compared)
+                    then semap.track_shape(p_compared, p_distance_m, p_state.x_m, p_state.y_m, p_state.heading_rad,
+                                           p_state.length_m, p_state.width_m)
+                  else public.st_point(p_state.x_m, p_state.y_m) end,
+             p_state.z_m, p_state.z_m, p_state.heading_rad)::semap.compared
+$$;
+
+-- An instance as it is compared.
+create or replace function semap.compared_instance(p_instance semap.pair_instance) returns semap.compared
+language sql immutable parallel safe as $$
+  select row(-p_instance.instance_id, p_instance.place, p_instance.shape, p_instance.z_min_m, p_instance.z_max_m,
+             p_instance.yaw_rad)::semap.compared
 $$;
 
 -- Both sides of each query about pairs that is enabled.
@@ -69,9 +84,9 @@ create or replace view semap.pair_side as
 -- Every instance that takes part in a query about pairs, as it is now. What rests on something may have no outline; an
 -- opening that was drawn as a line, or has no line, is crossed where it is passed.
 create or replace view semap.pair_instance_wanted as
-  select s.query_id, s.is_object, s.map_id, s.query_name, s.predicate, i.instance_id, i.uid, i.name,
+  select s.query_id, s.is_object, s.map_id, s.query_name, s.compared, i.instance_id, i.uid, i.name,
          p.geometry as place,
-         semap.instance_shape(s.predicate, s.is_object, s.distance_m, c.geometry, y.yaw_rad) as shape,
+         semap.instance_shape(s.compared, s.distance_m, c.geometry, y.yaw_rad) as shape,
          coalesce(a.z_min_m, d.z_min_m, '-infinity') as z_min_m, coalesce(a.z_max_m, d.z_max_m, 'infinity') as z_max_m,
          y.yaw_rad
   from semap.pair_side s
@@ -81,13 +96,12 @@ create or replace view semap.pair_instance_wanted as
   left join semap.abstraction p on p.description_id = i.absolute_description_id and p.type = 'Position2D'
   left join lateral (
     select * from semap.doorway(i)
-    where s.predicate = 'crosses' and a.geometry is null
+    where s.compared = 'line' and a.geometry is null
       and i.concept_id in (select semap.concepts_below(semap.concept_named('Opening'))) offset 0) d on true
-  cross join lateral (select coalesce(a.geometry, d.line, case when s.predicate = 'on' then p.geometry end)
+  cross join lateral (select coalesce(a.geometry, d.line, case when s.compared in ('body', 'top') then p.geometry end)
                       as geometry) c
   cross join lateral (
-    select case when s.is_object and s.predicate in ('in_front_of', 'behind', 'left_of', 'right_of')
-                  or not s.is_object and s.predicate = 'facing'
+    select case when semap.is_side(s.compared) or s.compared = 'pose'
              then (select semap.yaw(f.pose) from semap.frames_in_root(array[i.frame_id]) f) end as yaw_rad) y
   where s.kind = 'instance' and c.geometry is not null
     and (s.uids is null or i.uid = any (s.uids))
@@ -95,12 +109,12 @@ create or replace view semap.pair_instance_wanted as
 
 -- Every track that queries about pairs are about, whether it lives or not.
 create or replace view semap.pair_track_wanted as
-  select query_id, is_object, map_id, query_name, predicate, distance_m, track_id, uid, name
+  select query_id, is_object, map_id, query_name, compared, distance_m, track_id, uid, name
   from semap.side_track where in_pairs and enabled;
 
 -- The sides of queries about pairs that tracks are on; `is_chosen`: only those in query_track are.
 create or replace view semap.track_side as
-  select query_id, is_object, map_id, predicate, distance_m,
+  select query_id, is_object, map_id, compared, distance_m,
          concept_id is not null or uids is not null or condition_id is not null as is_chosen
   from semap.pair_side where kind = 'track';
 
@@ -116,15 +130,15 @@ declare
   v_side  record;
 begin
   for v_side in select * from semap.track_side s where s.query_id = any (p_query_ids) loop
-    if semap.compares_ground(v_side.predicate, v_side.is_object) then
+    if semap.covers_ground(v_side.compared) then
       return query
         select v_side.query_id, v_side.is_object, p.track_id, p.stamp, p.x_m, p.y_m, p.z_m,
                p.heading_rad::double precision, g.shape,
                greatest(st_xmax(g.shape) - p.x_m, p.x_m - st_xmin(g.shape), st_ymax(g.shape) - p.y_m,
                         p.y_m - st_ymin(g.shape))
         from unnest(p_places) p
-        cross join lateral semap.track_shape(v_side.predicate, v_side.is_object, v_side.distance_m, p.x_m, p.y_m,
-                                             p.heading_rad, p.length_m, p.width_m) g (shape)
+        cross join lateral semap.track_shape(v_side.compared, v_side.distance_m, p.x_m, p.y_m, p.heading_rad,
+                                             p.length_m, p.width_m) g (shape)
         where not v_side.is_chosen or exists (
           select from semap.query_track t
           where t.query_id = v_side.query_id and t.is_object = v_side.is_object and t.track_id = p.track_id);

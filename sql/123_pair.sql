@@ -4,15 +4,11 @@
 -- with all that may be in reach of it, and with all that it has a state with. A pair has a state while there is
 -- something to remember.
 
--- How far two things may be apart for a query about pairs to hold (infinite: any distance), and which kinds they are
--- of.
+-- Queries whose pairs are found by how far the two are apart.
 create or replace view semap.pair_reach as
-  select query_id, map_id, predicate, subject_kind, object_kind,
-         case when predicate in ('within_distance', 'approaching') then distance_m
-              when predicate = 'facing' then coalesce(distance_m, 'infinity')
-              else 0 end + 1e-9 as reach_m
-  from semap.continuous_query
-  where in_pairs and enabled and predicate not in ('nearest', 'crosses');
+  select query_id, map_id, subject_kind, object_kind, reach_m
+  from semap.query_predicate
+  where in_pairs and enabled and follows_from in ('moment', 'trend');
 
 -- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells
 -- are as wide as the query reaches.
@@ -37,7 +33,7 @@ begin
   end if;
   select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_cell_m
   from semap.track_side s cross join lateral semap.track_members(array[p_query_id], p_moved || p_others) m
-  where s.query_id = p_query_id and semap.compares_ground(s.predicate, s.is_object);
+  where s.query_id = p_query_id and semap.covers_ground(s.compared);
   return query
     with celled as materialized (
       select m.*, floor(m.x_m / v_cell_m)::bigint as cell_x, floor(m.y_m / v_cell_m)::bigint as cell_y
@@ -155,8 +151,8 @@ create or replace function semap.nearest_pairs(
 language plpgsql stable set plan_cache_mode = force_generic_plan as $$
 #variable_conflict use_column
 declare
-  v_ids  constant integer[] := array(select q.query_id from semap.continuous_query q
-                                     where q.query_id = any (p_query_ids) and q.predicate = 'nearest');
+  v_ids  constant integer[] := array(select q.query_id from semap.query_predicate q
+                                     where q.query_id = any (p_query_ids) and q.follows_from = 'rank');
 begin
   if v_ids = '{}' then
     return;
@@ -212,6 +208,9 @@ create or replace function semap.pair_candidates(
 ) returns table (query_id integer, subject_key bigint, object_key bigint, is_nearest boolean)
 language plpgsql stable as $$
 #variable_conflict use_column
+declare
+  c_reaching  constant integer[] := array(select r.query_id from semap.pair_reach r
+                                          where r.query_id = any (p_query_ids));
 begin
   return query
     select t.*, false
@@ -228,17 +227,15 @@ begin
   return query
     select p.query_id, p.subject_key, p.object_key, false
     from unnest(p_pairs) p
-    join semap.pair_reach r using (query_id)
     join (select m.track_id as key from unnest(p_moved) m union all select -i from unnest(p_edited_ids) i) s
       on s.key = p.subject_key
-    where p.query_id = any (p_query_ids)
+    where p.query_id = any (c_reaching)
     union
     select p.query_id, p.subject_key, p.object_key, false
     from unnest(p_pairs) p
-    join semap.pair_reach r using (query_id)
     join (select m.track_id as key from unnest(p_moved) m union all select -i from unnest(p_edited_ids) i) o
       on o.key = p.object_key
-    where p.query_id = any (p_query_ids);
+    where p.query_id = any (c_reaching);
 end $$;
 
 -- What is seen of pairs at one moment, at which tracks moved (to p_moved, while the others are at p_others), instances
@@ -254,22 +251,22 @@ create or replace function semap.observed_pairs(
 )
 language sql stable as $$
   with place as materialized (
-    select p.* from unnest(p_moved) p union all select p.* from unnest(p_others) p
+    select p as state, p.track_id, p.stamp from unnest(p_moved || p_others) p
   ), candidate as materialized (
     select distinct c.query_id, c.subject_key, c.object_key, c.is_nearest
     from semap.pair_candidates(p_query_ids, p_moved, p_others, p_edited_ids, p_gone_ids, p_pairs) c
   ), compared as materialized (
-    select c.query_id, c.subject_key, c.object_key, q.predicate, q.speed_mps, q.enter_confirm, q.leave_confirm,
-           w.appears,
-           w.appears or p_cause = 'map' as is_fresh, r.distance_m,
+    select q, d.follows_from, c.is_nearest, w.appears,
            coalesce(p, semap.relation_since(c.query_id, c.subject_key, c.object_key, false, null)) as before,
            greatest(coalesce(greatest(s.stamp, o.stamp, p_at), (select clock_timestamp())), p.since, p.pending_at,
                     p.distance_at) as at,
-           case when q.predicate = 'nearest' then c.is_nearest else r.side end as side,
-           case when q.predicate = 'nearest' then c.is_nearest else r.enters end as enters,
-           case when q.predicate = 'nearest' then not c.is_nearest else r.leaves end as leaves
+           case when si.instance_id is not null then semap.compared_instance(si)
+                else semap.compared_track(s.state, d.subject_compared, q.distance_m) end as subject,
+           case when oi.instance_id is not null then semap.compared_instance(oi)
+                else semap.compared_track(o.state, d.object_compared, q.distance_m) end as object
     from candidate c
     join semap.continuous_query q on q.query_id = c.query_id
+    join semap.predicate d on d.name = q.predicate
     left join unnest(p_pairs) p
       on p.query_id = c.query_id and p.subject_key = c.subject_key and p.object_key = c.object_key
     left join place s on s.track_id = c.subject_key
@@ -279,37 +276,26 @@ language sql stable as $$
     left join semap.pair_instance oi on oi.instance_id = -c.object_key and oi.query_id = c.query_id and oi.is_object
     cross join lateral (
       select (c.subject_key = any (p_appeared) or c.object_key = any (p_appeared)) is true as appears) w
-    cross join lateral semap.pair_stands(
-      q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, c.subject_key,
-      c.object_key,
-      coalesce(si.place, st_point(s.x_m, s.y_m)),
-      case when si.shape is not null then si.shape when not semap.compares_ground(q.predicate, false)
-        then st_point(s.x_m, s.y_m)
-           else semap.track_shape(q.predicate, false, q.distance_m, s.x_m, s.y_m, s.heading_rad, s.length_m,
-                                  s.width_m) end,
-      coalesce(si.z_min_m, s.z_m), coalesce(si.z_max_m, s.z_m), coalesce(si.yaw_rad, s.heading_rad),
-      coalesce(oi.place, st_point(o.x_m, o.y_m)),
-      case when oi.shape is not null then oi.shape when not semap.compares_ground(q.predicate, true)
-        then st_point(o.x_m, o.y_m)
-           else semap.track_shape(q.predicate, true, q.distance_m, o.x_m, o.y_m, o.heading_rad, o.length_m,
-                                  o.width_m) end,
-      coalesce(oi.z_min_m, o.z_m), coalesce(oi.z_max_m, o.z_m)) r
     where (s.track_id is not null or si.instance_id is not null)
       and (o.track_id is not null or oi.instance_id is not null)
-  ), observed as (
-    -- of `approaching`, side has said so far that the two are near enough
-    select c.*, c.predicate = 'approaching' and side as is_near,
-           case when is_fresh then side and predicate <> 'approaching'
-                when predicate = 'approaching' then
-                  side and case when at > (before).distance_at
-                                then (before).distance_m - distance_m
-                                    >= speed_mps * extract(epoch from at - (before).distance_at)
-                                else (before).pending end
-                when (before).pending then not leaves else enters end as raw
+  ), stood as materialized (
+    select c.*, appears or p_cause = 'map' as is_fresh,
+           case when follows_from = 'rank' then row(is_nearest, is_nearest, not is_nearest, null)::semap.standing
+                else semap.pair_stands(q, subject, object) end as stands
     from compared c
+  ), observed as (
+    select s.*, (q).enter_confirm, (q).leave_confirm,
+           case when follows_from = 'trend' and (stands).raw then (stands).distance_m end as distance_m,
+           case when is_fresh then (stands).raw and follows_from <> 'trend'
+                when follows_from = 'trend' then
+                  (stands).raw and case when at > (before).distance_at
+                                        then (before).distance_m - (stands).distance_m
+                                            >= (q).speed_mps * extract(epoch from at - (before).distance_at)
+                                        else (before).pending end
+                when (before).pending then not (stands).leaves else (stands).enters end as raw
+    from stood s
   )
-  select before, row(at, null, null, raw, raw, not raw, is_fresh,
-                     case when is_near then distance_m end)::semap.observation,
+  select before, row(at, null, null, raw, raw, not raw, is_fresh, distance_m)::semap.observation,
          enter_confirm, leave_confirm, appears
   from observed
 $$;
@@ -383,12 +369,12 @@ create or replace function semap.follow_pairs(
 )
 language plpgsql stable as $$
 declare
-  c_lines    constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (p_query_ids) and predicate = 'crosses');
-  c_others   constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (p_query_ids) and predicate <> 'crosses');
-  c_nearest  constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (p_query_ids) and predicate = 'nearest'
+  c_lines    constant integer[] := array(select query_id from semap.query_predicate
+                                         where query_id = any (p_query_ids) and follows_from = 'way');
+  c_others   constant integer[] := array(select query_id from semap.query_predicate
+                                         where query_id = any (p_query_ids) and follows_from <> 'way');
+  c_nearest  constant integer[] := array(select query_id from semap.query_predicate
+                                         where query_id = any (p_query_ids) and follows_from = 'rank'
                                            and object_kind = 'track');
   v_moment   record;
   v_others   semap.track_state[];

@@ -11,7 +11,7 @@ language sql stable as $$
   from semap.pair p
   where p.query_id = any (p_query_ids)
     and (p_keys is null or p.subject_key = any (p_keys) or p.object_key = any (p_keys)
-         or p.query_id in (select query_id from semap.continuous_query where predicate = 'nearest'))
+         or p.query_id in (select query_id from semap.query_predicate where follows_from = 'rank'))
 $$;
 
 -- Write what pairs of a map are to each other now, where that is not what it was.
@@ -141,7 +141,7 @@ begin
     from wanted w
     left join semap.pair_instance m on m.instance_id = w.instance_id and m.query_id = w.query_id
       and m.is_object = w.is_object
-    where m.instance_id is null or w.predicate = 'on'
+    where m.instance_id is null or w.compared in ('body', 'top')
        or (st_asbinary(w.place), st_asbinary(w.shape), w.z_min_m, w.z_max_m, w.yaw_rad)
           is distinct from (st_asbinary(m.place), st_asbinary(m.shape), m.z_min_m, m.z_max_m, m.yaw_rad)
   ), placed as (
@@ -213,9 +213,8 @@ begin
       and (-instance_id = any (v_gone.subject_keys) and not is_object or -instance_id = any (v_gone.object_keys)
            and is_object);
     if v_gone.object_keys is not null then
-      v_nearest := v_nearest || array(select query_id from semap.continuous_query
-                                      where query_id = v_gone.query_id and predicate = 'nearest' and in_pairs
-                                        and enabled);
+      v_nearest := v_nearest || array(select query_id from semap.query_predicate where query_id = v_gone.query_id
+                                      and follows_from = 'rank' and in_pairs and enabled);
     end if;
   end loop;
   delete from semap.pair_form where query_id = any (p_query_ids)
@@ -241,11 +240,12 @@ begin
   where m.query_id = any (p_query_ids) and m.instance_id = any (v_edited) and m.map_id = p_map_id;
   -- from which side somebody came to a line that was drawn anew is not known
   v_pairs := array(
-    select p from unnest(v_pairs) p join semap.continuous_query q using (query_id)
-    where not (q.predicate = 'crosses' and (p_is_other or -p.object_key = any (v_edited)
-                                            or p.subject_key = any (p_track_ids)) is true));
+    select p from unnest(v_pairs) p join semap.query_predicate q using (query_id)
+    where not (q.follows_from = 'way' and (p_is_other or -p.object_key = any (v_edited)
+                                           or p.subject_key = any (p_track_ids)) is true));
   v_step := semap.follow_moment(
-    array(select distinct query_id from semap.pair_side where query_id = any (p_query_ids) and predicate <> 'crosses'),
+    array(select query_id from semap.query_predicate
+          where query_id = any (p_query_ids) and in_pairs and enabled and follows_from <> 'way'),
     v_moved, v_places, v_edited, v_nearest, null, null, 'map', v_pairs);
   perform semap.keep_pairs(p_map_id, v_before, v_step.pairs);
   perform semap.record_pair_changes(v_step.changes);
@@ -286,8 +286,8 @@ language plpgsql as $$
 declare
   c_queries  constant integer[] := array(select query_id from semap.continuous_query where map_id = p_map_id
                                          and in_pairs and enabled);
-  c_nearest  constant integer[] := array(select query_id from semap.continuous_query
-                                         where query_id = any (c_queries) and predicate = 'nearest'
+  c_nearest  constant integer[] := array(select query_id from semap.query_predicate
+                                         where query_id = any (c_queries) and follows_from = 'rank'
                                            and object_kind = 'track');
   v_before   semap.relation_state[];
   v_places   semap.track_state[];

@@ -36,8 +36,8 @@ language sql stable as $$
         select formed_stamp, formed_track_id from semap.pair_instance m
         where m.query_id = p_query_id
           and (m.instance_id in (-p_subject_key, -p_object_key)
-               or exists (select from semap.continuous_query q where q.query_id = p_query_id
-                          and q.predicate = 'nearest'))) f
+               or exists (select from semap.query_predicate q where q.query_id = p_query_id
+                          and q.follows_from = 'rank'))) f
   where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end,
                                    case when p_object_key > 0 then p_object_key end)
 $$;
@@ -192,12 +192,11 @@ begin
   select array_agg(distinct w.track_id) into v_others
   from semap.pair_track_wanted w join semap.track_now n using (track_id)
   where w.query_id = any (p_query_ids) and n.first_stamp <= p_to and (n.live or n.stamp >= p_from);
-  select max(case when predicate = 'nearest' or predicate = 'facing' and distance_m is null then 'infinity'
-                  when predicate = 'crosses' then 0
-                  else coalesce(distance_m, 0) + coalesce(leave_margin_m, 0) end)
+  select max(case when p.reach_m = 'infinity' then 'infinity' else coalesce(q.distance_m, 0) + q.leave_margin_m end)
   into v_reach_m
-  from semap.continuous_query
-  where query_id = any (p_query_ids) and object_kind = 'track' and (subject_kind = 'track' or predicate = 'nearest');
+  from semap.continuous_query q join semap.query_predicate p using (query_id)
+  where query_id = any (p_query_ids) and p.object_kind = 'track'
+    and (p.subject_kind = 'track' or p.follows_from = 'rank');
   if v_reach_m is null then
     return p_late_ids;
   elsif v_reach_m = 'infinity' then

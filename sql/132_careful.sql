@@ -1,5 +1,5 @@
--- Regions that have to be followed carefully: other predicates than `contains`, boundaries with a margin or a time to
--- confirm, probabilities, ways between samples, or subjects that are chosen.
+-- Regions that have to be followed carefully: what is not containment in an outline, boundaries with a margin or a time
+-- to confirm, probabilities, ways between samples, or subjects that are chosen.
 --
 -- For each track near the boundary of such a region a *verge* keeps the state of the relation (sql/112), while its
 -- signals differ: `side` is raw, `inside` pending, `held` confirmed.
@@ -18,9 +18,9 @@ language sql immutable parallel safe as $$
          (not b.at_height
           or not b.side and (p_region.reach is null or not public.st_contains(p_region.reach, b.point))
              and (d.depth_m >= p_region.leave_stds * coalesce(p_std_m, 0)) is not false and not d.is_vague)
-  from (select h.point, h.at_height, h.at_height and case p_region.predicate
+  from (select h.point, h.at_height, h.at_height and case p_region.test
                  when 'covers' then public.st_covers(p_region.shape, h.point)
-                 when 'within_distance' then public.st_dwithin(p_region.shape, h.point, p_region.distance_m)
+                 when 'dwithin' then public.st_dwithin(p_region.shape, h.point, p_region.distance_m)
                  else public.st_contains(coalesce(p_region.shape, p_region.footprint), h.point) end as side
         from (select public.st_point(p_x_m, p_y_m) as point,
                      p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m) as at_height offset 0) h

@@ -16,10 +16,11 @@ begin
   select array_agg(distinct t.source_id order by t.source_id) into v_source_ids
   from semap.track t
   where t.track_id = any (p_track_ids)
-    and exists (select from semap.continuous_query q where q.map_id = t.map_id and (
+    and exists (select from semap.continuous_query q join semap.predicate p on p.name = q.predicate
+                where q.map_id = t.map_id and (
                   num_nonnulls(q.subject_concept_id, q.subject_uids, q.subject_where,
                                q.object_concept_id, q.object_uids, q.object_where) > 0
-                  or t.track_id = any (p_renewed_ids) and q.predicate = 'nearest'));
+                  or t.track_id = any (p_renewed_ids) and p.follows_from = 'rank'));
   if v_source_ids is null then
     return;
   end if;
@@ -28,10 +29,9 @@ begin
 
   v_before := array(select s from semap.query_track s where s.track_id = any (p_track_ids));
   perform semap.choose_tracks(null, p_track_ids);
-  v_lost := array(select b from unnest(v_before) b
-                  where not exists (select from semap.query_track s
-                                    where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object,
-                                                                                   b.track_id)));
+  v_lost := array(select b from unnest(v_before) b where not exists (
+                    select from semap.query_track s
+                    where (s.query_id, s.is_object, s.track_id) = (b.query_id, b.is_object, b.track_id)));
   v_gained := array(select s from semap.query_track s
                     where s.track_id = any (p_track_ids)
                       and not exists (select from unnest(v_before) b

@@ -125,12 +125,10 @@ declare
   v_reach_m  double precision;
   v_around   integer[];
 begin
-  select max(case when q.predicate = 'nearest' or semap.compares_ground(q.predicate, true) then 'infinity'
-                  when q.predicate = 'facing' then coalesce(q.distance_m, 'infinity')
-                  else q.distance_m end) into v_reach_m
-  from semap.continuous_query q
+  select max(case when semap.covers_ground(q.object_compared) then 'infinity' else q.reach_m end) into v_reach_m
+  from semap.query_predicate q
   where q.query_id = any (p_query_ids) and q.object_kind = 'track'
-    and (q.subject_kind = 'track' or q.predicate = 'nearest');
+    and (q.subject_kind = 'track' or q.follows_from = 'rank');
   if v_reach_m is null then
     return semap.followed_places(p_map_id, array(select track_id from unnest(p_states)));
   elsif v_reach_m > c_most_m then

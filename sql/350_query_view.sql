@@ -1,7 +1,6 @@
 -- The views and spatial predicates that continuous queries in SQL are written over, for plain queries too: the schema
 -- semap_query has a view of tracks, one of instances, and one for each concept with the instances of it and of those
 -- below it. They show what their reader may see; where semap.maps is set, they show these maps alone.
-create schema if not exists semap_query;
 
 -- Each track that lives, where it is now, and the ground that it covers.
 create or replace view semap_query.track with (security_invoker = true) as

@@ -25,8 +25,8 @@ language sql stable as $$
          n.z_m, n.z_m, n.heading_rad
   from semap.pair_track_wanted w
   join semap.tracks_followed(p_map_id) n on n.track_id = w.track_id
-  cross join lateral (select semap.track_shape(w.predicate, w.is_object, w.distance_m, n.x_m, n.y_m,
-                                               n.heading_rad, n.length_m, n.width_m) as shape offset 0) s
+  cross join lateral (select semap.track_shape(w.compared, w.distance_m, n.x_m, n.y_m, n.heading_rad,
+                                                n.length_m, n.width_m) as shape offset 0) s
   where w.map_id = p_map_id
 $$;
 
@@ -69,7 +69,7 @@ $$;
 -- two lie margins. What approaches depends on the way: of that is known only whether the two are within reach
 -- (is_near).
 create or replace function semap.standing_pairs(p_map_id integer) returns table (
-  query_id integer, subject_key bigint, object_key bigint, predicate text, pair semap.pair, have_members boolean,
+  query_id integer, subject_key bigint, object_key bigint, follows_from text, pair semap.pair, have_members boolean,
   subject_name text, object_name text, query_name text, enters boolean, leaves boolean, is_near boolean,
   begins_by_now boolean, ends_by_now boolean
 )
@@ -77,7 +77,10 @@ language sql stable as $$
   with member as materialized (
     select * from semap.wanted_members(p_map_id)
   ), query as materialized (
-    select * from semap.continuous_query where map_id = p_map_id and in_pairs and enabled
+    select q as query, q.query_id, q.name, q.count, q.distance_m, q.enter_confirm, q.leave_confirm, p.follows_from,
+           p.reach_m
+    from semap.continuous_query q join semap.query_predicate p using (query_id)
+    where q.map_id = p_map_id and q.in_pairs and q.enabled
   ), ranked as (
     select s.query_id, s.key as subject_key, o.key as object_key, q.count, q.distance_m as within_m, d.distance_m,
            row_number() over (partition by s.query_id, s.key order by d.distance_m, o.uid) as place
@@ -85,7 +88,7 @@ language sql stable as $$
     join member s on s.query_id = q.query_id and not s.is_object
     join member o on o.query_id = q.query_id and o.is_object and o.key <> s.key and o.shape is not null
     cross join lateral (select st_distance(o.shape, s.shape) as distance_m) d
-    where q.predicate = 'nearest'
+    where q.follows_from = 'rank'
   ), nearest as materialized (
     select r.query_id, r.subject_key, r.object_key from ranked r
     where place <= count and (within_m is null or distance_m <= within_m)
@@ -100,14 +103,16 @@ language sql stable as $$
     from query q
     join member s on s.query_id = q.query_id and not s.is_object
     join member o on o.query_id = q.query_id and o.is_object and o.key <> s.key
-    where q.predicate not in ('nearest', 'crosses')
-      and (q.predicate = 'facing' and q.distance_m is null
-           or st_dwithin(s.shape, o.shape, case when q.predicate in ('within_distance', 'approaching', 'facing')
-                                                then q.distance_m else 0 end + 1e-9))
+    where q.follows_from in ('moment', 'trend')
+      and (q.reach_m = 'infinity' or st_dwithin(s.shape, o.shape, q.reach_m))
   )
-  select l.query_id, l.subject_key, l.object_key, q.predicate, p.p, s.key is not null and o.key is not null,
-         s.name, o.name, q.name, coalesce(c.enters, false), coalesce(c.leaves, true),
-         q.predicate = 'approaching' and coalesce(r.side, false),
+  select l.query_id, l.subject_key, l.object_key, q.follows_from, p.p, s.key is not null and o.key is not null,
+         s.name, o.name, q.name,
+         coalesce(case q.follows_from when 'rank' then n.query_id is not null when 'trend' then false
+                  else r.enters end, false),
+         coalesce(case q.follows_from when 'rank' then n.query_id is null when 'trend' then not r.raw
+                  else r.leaves end, true),
+         q.follows_from = 'trend' and coalesce(r.raw, false),
          greatest(s.stamp, o.stamp) < (p.p).inside_at + q.enter_confirm is not true,
          greatest(s.stamp, o.stamp) < (p.p).inside_at + q.leave_confirm is not true
   from looked_at l
@@ -117,14 +122,9 @@ language sql stable as $$
   left join stored p on p.query_id = l.query_id and p.subject_key = l.subject_key and p.object_key = l.object_key
   left join nearest n on n.query_id = l.query_id and n.subject_key = l.subject_key and n.object_key = l.object_key
   left join lateral semap.pair_stands(
-    q.predicate, q.dimensions, q.distance_m, q.enter_margin_m, q.leave_margin_m, q.angle_rad, s.key, o.key,
-    s.place, s.shape, s.z_min_m, s.z_max_m, s.yaw_rad, o.place, o.shape, o.z_min_m, o.z_max_m) r
-    on q.predicate not in ('nearest', 'crosses') and s.key is not null and o.key is not null
-  cross join lateral (
-    select case q.predicate when 'nearest' then n.query_id is not null when 'approaching' then false else r.enters end
-      as enters,
-           case q.predicate when 'nearest' then n.query_id is null when 'approaching' then not r.side else r.leaves end
-             as leaves) c
+    q.query, row(s.key, s.place, s.shape, s.z_min_m, s.z_max_m, s.yaw_rad)::semap.compared,
+    row(o.key, o.place, o.shape, o.z_min_m, o.z_max_m, o.yaw_rad)::semap.compared) r
+    on s.key is not null and o.key is not null
 $$;
 
 -- Pairs against where their two sides are now, as far as that is beyond doubt; and pairs of what takes no part.
@@ -136,7 +136,7 @@ language sql stable as $$
                 else '' end || coalesce(s.subject_name, 'something'),
                 case when s.object_key > 0 then 'track ' else '' end || coalesce(s.object_name, 'something'),
                 coalesce(s.query_name, 'a query that is gone')),
-         case when (s.pair).pair_id is null then 'no pair' when s.predicate = 'crosses' and not (s.pair).held
+         case when (s.pair).pair_id is null then 'no pair' when s.follows_from = 'way' and not (s.pair).held
            then 'a side of a line'
               when (s.pair).held and (s.pair).inside then 'holds since ' || (s.pair).since
               when (s.pair).held then 'about to end' when (s.pair).inside then 'about to begin' else 'followed' end,
@@ -145,7 +145,7 @@ language sql stable as $$
   cross join lateral (
     select case
       when not s.have_members then 'no pair, since one of them takes no part'
-      when s.predicate = 'crosses' then case when (s.pair).held then 'never held' end
+      when s.follows_from = 'way' then case when (s.pair).held then 'never held' end
       when s.enters and (s.pair).inside is not true then 'holds, or about to begin'
       when s.leaves and (s.pair).inside then 'does not hold, or about to end'
       when (s.pair).inside and not (s.pair).held and s.begins_by_now then 'holds by now'

@@ -4,34 +4,27 @@
 -- The queries about tracks whose pairs can be told from one moment.
 create or replace function semap.momentary_queries(p_map_id integer) returns setof semap.continuous_query
 language sql stable as $$
-  select * from semap.continuous_query
+  select q.* from semap.continuous_query q join semap.predicate p on p.name = q.predicate
   where map_id = p_map_id and in_pairs and enabled and subject_kind = 'track' and object_kind = 'track'
-    and predicate not in ('nearest', 'approaching', 'crosses', 'on') and enter_margin_m = 0 and leave_margin_m = 0
-    and coalesce(enter_confirm, '0') = '0' and coalesce(leave_confirm, '0') = '0'
+    and follows_from = 'moment' and enter_margin_m = 0 and leave_margin_m = 0
+    and enter_confirm = '0' and leave_confirm = '0'
 $$;
 
 -- The pairs of tracks for which these queries hold at a moment, by the states of the tracks.
 create or replace function semap.pairs_at(p_map_id integer, p_at timestamptz)
 returns table (query_id integer, subject_key bigint, object_key bigint)
 language sql stable as $$
-  with place as materialized (
-    select * from semap.tracks_at(p_map_id, p_at)
-  ), side as materialized (
-    select w.query_id, w.is_object, p.track_id, st_point(p.x_m, p.y_m) as place, p.z_m, p.heading_rad,
-           semap.track_shape(w.predicate, w.is_object, w.distance_m, p.x_m, p.y_m, p.heading_rad, p.length_m,
-                             p.width_m) as shape
-    from place p join semap.pair_track_wanted w using (track_id) where w.map_id = p_map_id
+  with side as materialized (
+    select w.query_id, w.is_object, p.track_id, semap.compared_track(p, w.compared, w.distance_m) as thing
+    from semap.tracks_at(p_map_id, p_at) p join semap.pair_track_wanted w using (track_id) where w.map_id = p_map_id
   )
   select q.query_id, s.track_id, o.track_id
   from semap.momentary_queries(p_map_id) q
+  join semap.query_predicate r using (query_id)
   join side s on s.query_id = q.query_id and not s.is_object
   join side o on o.query_id = q.query_id and o.is_object and o.track_id <> s.track_id
-    and (q.predicate = 'facing'
-         or st_dwithin(s.shape, o.shape, case when q.predicate = 'within_distance' then q.distance_m else 0 end + 1e-9))
-  cross join lateral semap.pair_stands(
-    q.predicate, q.dimensions, q.distance_m, 0, 0, q.angle_rad, s.track_id, o.track_id, s.place, s.shape, s.z_m, s.z_m,
-    s.heading_rad, o.place, o.shape, o.z_m, o.z_m) r
-  where r.side
+    and (r.reach_m = 'infinity' or st_dwithin((s.thing).shape, (o.thing).shape, r.reach_m))
+  where (semap.pair_stands(q, s.thing, o.thing)).raw
 $$;
 
 -- The log of pairs against where both were, at the newest moments at which something began or ended, and at others
@@ -123,11 +116,12 @@ language sql stable as $$
            greatest(n.first_stamp, least(n.stamp, p.through) - interval '1 h',
                     semap.pair_formed(q.query_id, n.track_id, -i.instance_id)) as since
     from semap.continuous_query q
+    join semap.query_predicate d using (query_id, map_id)
     join semap.pair_progress p using (map_id)
     join semap.pair_track_wanted w on w.query_id = q.query_id and not w.is_object
     join semap.track_now n on n.track_id = w.track_id and n.first_stamp <= p.through
     join semap.pair_instance_wanted i on i.query_id = q.query_id and i.is_object
-    where q.map_id = p_map_id and q.in_pairs and q.enabled and q.predicate = 'crosses'
+    where q.map_id = p_map_id and q.in_pairs and q.enabled and d.follows_from = 'way'
   ), wanted as (
     select l.query_id, (l.present).track_id, l.instance_id, c.stamp, c.direction
     from looked_at l

@@ -50,7 +50,7 @@ begin
                       where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key
                         and o.object_key = p.object_key)
       and (p.since >= coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity')
-           or exists (select from semap.continuous_query q where q.query_id = p.query_id and q.predicate = 'crosses'))
+           or exists (select from semap.query_predicate q where q.query_id = p.query_id and q.follows_from = 'way'))
     returning p.query_id, p.subject_key, p.object_key
   ), said as (
     insert into semap.pair as p (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,

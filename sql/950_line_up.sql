@@ -2,10 +2,10 @@
 -- not know openings as lines.
 do $$
 begin
-  if exists (select from semap.continuous_query where predicate = 'crosses' and enabled) then
+  if exists (select from semap.query_predicate where object_compared = 'line' and enabled) then
     perform semap.change_regions();
     perform set_config('search_path', 'public, pg_temp', true);
     perform semap.refresh_pairs(array_agg(query_id), null)
-    from semap.continuous_query where predicate = 'crosses' and in_pairs and enabled;
+    from semap.query_predicate where object_compared = 'line' and in_pairs and enabled;
   end if;
 end $$;

@@ -12,7 +12,7 @@ import psycopg
 import shapely
 from careful_oracle import Asked, Sample
 
-from semap.model.continuous_query import Kind
+from semap.model.predicate import Kind
 from semap.store.database.connection import connect
 from semap.store.relation.conditions import compiled
 from semap.timeline.stamp import to_datetime

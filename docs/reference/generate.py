@@ -25,6 +25,7 @@ from semap.rules.language.reading import ALL_CLAUSES
 from semap.rules.language.template import TEMPLATES
 from semap.rules.language.words import OF_FORMULAS, OF_PATTERNS
 from semap.rules.row import PROPERTIES
+from semap.schema_files import sql_files
 from semap.store.operate.object_comment import comments_in
 
 CHECKOUT = Path(__file__).parents[2]
@@ -100,7 +101,7 @@ def sql() -> str:
         " `semap_query`. Spatial operators are explained in"
         " [Spatial operators](../operators.md).\n",
     ]
-    for file in sorted((CHECKOUT / "sql").glob("*.sql")):
+    for file in sql_files("sql"):
         text = file.read_text()
         found = [each for each in comments_in(text) if each.kind in ("function", "procedure", "aggregate")]
         if not found:

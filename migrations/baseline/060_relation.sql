@@ -10,12 +10,28 @@ create table semap.condition (
 );
 create unique index condition_known on semap.condition (map_id, kind, md5(condition::text));
 
+-- What the database asks of each predicate, which is a file of sql/117_predicate (semap/model/predicate.py explains it).
+create table semap.predicate (
+  name              text primary key,
+  needs             text[] not null,
+  takes             text[] not null,
+  relates           text[] not null,
+  follows_from      text not null check (follows_from in ('moment', 'trend', 'rank', 'way')),
+  region_test       text check (region_test in ('contains', 'covers', 'dwithin')),
+  subject_compared  text not null check (subject_compared in ('position', 'pose', 'ground', 'body')),
+  object_compared   text not null check (
+    object_compared in ('position', 'ground', 'front', 'back', 'left', 'right', 'line', 'top')),
+  reach             text not null check (reach in ('contact', 'distance', 'any'))
+);
+-- In which predicates have functions of two rows.
+create schema semap_query;
+
 create table semap.continuous_query (
   query_id            integer generated always as identity primary key,
   map_id              integer not null references semap.map on delete cascade,
   name                text not null check (name <> ''),
   enabled             boolean not null default true,
-  predicate           text not null default 'contains',
+  predicate           text not null default 'contains' references semap.predicate,
   subject_kind        text not null default 'track' check (subject_kind in ('track', 'instance')),
   subject_concept_id  integer references semap.concept,
   subject_uids        uuid[],
@@ -44,23 +60,9 @@ create table semap.continuous_query (
   fastest_mps         double precision check (fastest_mps > 0),
   payload             jsonb not null default '{}',
   sql                 text,
-  -- what the regions cannot answer, which ask only where a track is
-  in_pairs            boolean not null generated always as (
-    subject_kind = 'instance' or object_kind = 'track'
-    or predicate in ('intersects', 'nearest', 'crosses', 'facing', 'approaching')) stored,
+  -- what the regions cannot answer, which ask only where a track is: said by a trigger (sql/115)
+  in_pairs            boolean not null default false,
   unique (map_id, name),
-  constraint predicate_is_known check (predicate in (
-    'contains', 'covers', 'intersects', 'within_distance', 'nearest', 'on', 'in_front_of', 'behind',
-    'left_of', 'right_of', 'crosses', 'facing', 'approaching')),
-  constraint distance_is_given check (case
-    when predicate in ('within_distance', 'in_front_of', 'behind', 'left_of', 'right_of', 'approaching')
-      then distance_m is not null
-    when predicate in ('nearest', 'facing') then true
-    else distance_m is null end),
-  constraint count_is_given check ((count is not null) = (predicate = 'nearest')),
-  constraint angle_is_given check ((angle_rad is not null) = (predicate = 'facing')),
-  constraint speed_is_given check ((speed_mps is not null) = (predicate = 'approaching')),
-  constraint only_lines_have_a_direction check (direction is null or predicate = 'crosses'),
   constraint probabilities_are_both_given
     check ((enter_probability is null) = (leave_probability is null)
            and (enter_probability is null) = (widest_std_m is null)),
@@ -109,7 +111,8 @@ create table semap.region (
   footprint        public.geometry not null,
   z_min_m          double precision not null,
   z_max_m          double precision not null,
-  predicate        text not null default 'contains',
+  test             text not null default 'contains',
+  compared         text not null default 'ground',
   shape            public.geometry,
   distance_m       double precision,
   core             public.geometry,

@@ -93,6 +93,16 @@ create type semap.relation_state as (
   distance_m double precision, distance_at timestamptz
 );
 
+-- What a predicate compares: a track, whose number is above zero, or an instance, whose is below.
+create type semap.compared as (
+  key bigint, place public.geometry, shape public.geometry, z_min_m double precision, z_max_m double precision,
+  yaw_rad double precision
+);
+
+-- How a subject stands to an object: whether the predicate holds (of what follows from a trend: whether the two are near
+-- enough), whether it does so deep enough to begin, and whether it is far enough from that to end.
+create type semap.standing as (raw boolean, enters boolean, leaves boolean, distance_m double precision);
+
 -- What is seen of a relation at a moment.
 create type semap.observation as (
   at timestamptz, x_m double precision, y_m double precision,

@@ -12,28 +12,10 @@ from typing import Any, Literal
 from uuid import UUID
 
 from semap.errors import InvalidInput
+from semap.model.predicate import Kind, predicates
 
-Predicate = Literal[
-    "contains",  # the object's interior holds the subject: ST_Contains(object, subject)
-    "covers",  # the same with the object's boundary: ST_Covers(object, subject)
-    "intersects",  # the object and the ground that the subject covers share a point: ST_Intersects
-    "within_distance",  # not further apart than `distance_m`: ST_DWithin
-    "nearest",  # the object is among the `count` nearest to the subject
-    "on",  # the subject stands on the object
-    "in_front_of",  # the subject is in the object's projection to its front (x of its frame)
-    "behind",
-    "left_of",
-    "right_of",
-    "crosses",  # the subject's way crosses the object, a line, in a direction
-    "facing",  # the subject's heading is within `angle_rad` of the bearing of the object
-    "approaching",  # the distance from the subject to the object falls by `speed_mps` or more
-]
-Kind = Literal["track", "instance"]
 Direction = Literal["left_to_right", "right_to_left"]
 """Of crossing a line, seen along it in the order of its vertices."""
-
-OF_PAIRS = ("intersects", "nearest", "crosses", "facing", "approaching")
-"""Predicates that ask more than where a track is."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +83,9 @@ class BetweenSamples:
 class Declaration:
     """A continuous query.
 
-    distance_m      of within_distance; how far in front of, behind, left or right of something reaches;
-                    within which something is approached, and, if given, faced or among the nearest
-    count           of nearest
-    angle_rad       of facing
-    speed_mps       of approaching
-    direction       of crosses: only this one, seen along the line; into an area is "right_to_left"
+    distance_m, count, angle_rad, speed_mps, direction
+                    what the predicate needs or takes (semap.model.predicate); a direction is seen along the
+                    line that is crossed: into an area is "right_to_left"
     abstraction     which abstraction of instances is compared; tracks are where their position is
     dimensions      3: heights count, too
     between_samples None: relations follow the samples alone
@@ -115,7 +94,7 @@ class Declaration:
     """
 
     name: str
-    predicate: Predicate
+    predicate: str
     subject: Side
     object: Side
     distance_m: float | None = None
@@ -133,7 +112,7 @@ class Declaration:
     @property
     def in_pairs(self) -> bool:
         """Whether it is kept pair by pair: regions answer only where a track is to an instance."""
-        return (self.subject.kind, self.object.kind) != ("track", "instance") or self.predicate in OF_PAIRS
+        return predicates()[self.predicate].in_pairs(self.subject.kind, self.object.kind)
 
 
 SIDES: Mapping[str, Kind] = {"subject": "track", "object": "instance"}
@@ -187,7 +166,7 @@ def declared(name: str, predicate: str, concept: str | None, options: Mapping[st
                 where=given.pop("where", None),
                 **given,
             )
-        return Declaration(name=name, predicate=predicate, **said)  # type: ignore[arg-type]
+        return Declaration(name=name, predicate=predicate, **said)
     except (TypeError, ValueError, AttributeError) as error:
         raise InvalidInput(
             f"the query does not say what it asks: {error}", "Write it as an exported map has it.", name

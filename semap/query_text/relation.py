@@ -7,18 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from semap.model.continuous_query import Predicate
+from semap.model.predicate import Predicate, RowFunction, predicates
 from semap.query_text.refusal import Refusal
 from semap.query_text.tree import Call, Constant, Expression, Function, Property, Row, inner_of, parts
 from semap.query_text.views import ABSTRACTIONS, OF_SPACE, View
 
 Views = tuple[View, View]
 
-HOLDING: Mapping[str, tuple[Predicate, int]] = {
-    "st_contains": ("contains", 0),
-    "st_within": ("contains", 1),
-    "st_covers": ("covers", 0),
-    "st_coveredby": ("covers", 1),
+HOLDING: Mapping[str, tuple[str, int]] = {
+    function: (each.name, area) for each in predicates().values() for function, area in each.areas.items()
 }
 """Functions of an area and what is in it: the predicate, and which argument is the area."""
 NEAR: Mapping[str, Literal[2, 3]] = {"st_dwithin": 2, "st_3ddwithin": 3}
@@ -37,46 +34,19 @@ class Number:
 DISTANCE = Number("distance_m", "the distance", 1e4)
 
 
-@dataclass(frozen=True)
-class OfRows:
-    """One of semap's own predicates, of two rows.
-
-    numbers      what follows the rows
-    of_instance  the object is an instance
-    by_track     the subject is a track
-    parameters   what it always means, as `Declaration` has it
-    """
-
-    predicate: Predicate
-    usage: str
-    numbers: tuple[Number, ...] = ()
-    of_instance: bool = False
-    by_track: bool = False
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-
-
-REACH_M = 10.0
-"""How far the directions of `semap_query` reach."""
-BESIDE: tuple[Predicate, ...] = ("in_front_of", "behind", "left_of", "right_of")
-OF_ROWS: Mapping[str, OfRows] = {
-    "is_in": OfRows("contains", "is_in(t, r)", of_instance=True),
-    "is_near": OfRows("within_distance", "is_near(t, d, 1)", (DISTANCE,)),
-    "is_on": OfRows("on", "is_on(c, d)", of_instance=True),
-    **{
-        name: OfRows(name, f"{name}(t, d)", of_instance=True, parameters={"distance_m": REACH_M})
-        for name in BESIDE
-    },
-    "crosses": OfRows("crosses", "crosses(t, d)", of_instance=True, by_track=True),
-    "faces": OfRows(
-        "facing", "faces(t, d, radians(15))", (Number("angle_rad", "the angle", math.pi),), by_track=True
-    ),
-    "approaches": OfRows(
-        "approaching",
-        "approaches(t, d, 0.5, 10)",
-        (Number("speed_mps", "the speed", 1e4), DISTANCE),
-        by_track=True,
-    ),
+NUMBERS = {
+    each.name: each
+    for each in (
+        DISTANCE,
+        Number("angle_rad", "the angle", math.pi),
+        Number("speed_mps", "the speed", 1e4),
+        Number("count", "the count", 100),
+    )
 }
+OF_ROWS: Mapping[str, tuple[Predicate, RowFunction]] = {
+    each.rows.name: (each, each.rows) for each in predicates().values() if each.rows is not None
+}
+"""semap's own predicates, of two rows."""
 
 UNKEPT: Mapping[str, str] = {
     "st_touches": "Use ST_DWithin with a distance.",
@@ -112,7 +82,7 @@ class Relation:
     parameters  as `Declaration` has them
     """
 
-    predicate: Predicate
+    predicate: str
     subject: int
     object: int
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -224,7 +194,7 @@ def _symbol(expression: Function | Call) -> str:
     return expression.name if isinstance(expression, Function) else expression.op
 
 
-def _holding(predicate: Predicate, area: Property, inner: Property, function: str, views: Views) -> Relation:
+def _holding(predicate: str, area: Property, inner: Property, function: str, views: Views) -> Relation:
     if views[area.side].kind == "track":
         raise Refusal("track inside", area.at)
     _require_area(area, function)
@@ -253,7 +223,7 @@ def _intersecting(a: Property, b: Property, views: Views) -> Relation:
 
 
 def _of_rows(name: str, args: Sequence[Expression], at: int, views: Views) -> Relation:
-    known = OF_ROWS[name]
+    predicate, known = OF_ROWS[name]
     count = 2 + len(known.numbers)
     if len(args) != count:
         raise Refusal("arguments", at, what=name, count=f"{count} arguments", usage=known.usage)
@@ -268,10 +238,10 @@ def _of_rows(name: str, args: Sequence[Expression], at: int, views: Views) -> Re
         raise Refusal("object track", object_.at, what=name, usage=known.usage)
     if known.by_track and views[subject.side].kind == "instance":
         raise Refusal("subject instance", subject.at, what=name, usage=known.usage)
-    numbers = {each.name: _number(arg, each) for each, arg in zip(known.numbers, args[2:], strict=True)}
-    found = Relation(known.predicate, subject.side, object_.side, {**known.parameters, **numbers})
-    if name == "is_near" and any(each.kind == "instance" for each in views):
-        return found.told(abstraction="BoundingHull")
+    numbers = {each: _number(arg, NUMBERS[each]) for each, arg in zip(known.numbers, args[2:], strict=True)}
+    found = Relation(predicate.name, subject.side, object_.side, {**known.always, **numbers})
+    if known.of_instances is not None and any(each.kind == "instance" for each in views):
+        return found.told(abstraction=known.of_instances)
     return found
 
 
@@ -314,7 +284,7 @@ def _require_two(a: Property, b: Property) -> None:
 
 
 def _compared(
-    predicate: Predicate, subject: Property, object_: Property, dimensions: Literal[2, 3], views: Views
+    predicate: str, subject: Property, object_: Property, dimensions: Literal[2, 3], views: Views
 ) -> Relation:
     """A relation of two shapes; all instances in it are compared by one abstraction."""
     of_instances = [each for each in (subject, object_) if views[each.side].kind == "instance"]

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from semap.model.continuous_query import Kind
+from semap.model.predicate import Kind
 
 Use = Literal["text", "uid", "id", "map", "attributes", "shape", "moving", "other"]
 """What a column is for: a condition (text, uid, attributes), a relation (shape), or the payload alone."""

@@ -9,16 +9,16 @@ import pytest
 from guarded import Building
 from psycopg.sql import SQL, Identifier
 
+from semap.schema_files import schema_folder
 from semap.store.database.connection import connect
-from semap.store.database.schema_files import schema_folder
 
 OF_MAPS = ("semap_read_map", "semap_ingest_map", "semap_api_map")
-SHARED = {"concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
+SHARED = {"predicate", "concept", "concept_parent", "concept_iri", "behaviour", "schema_version", "kept_table", "progress",
           "retention"}  # fmt: skip
 HIDDEN = {"token", "token_map", "webhook", "webhook_secret", "webhook_dead_letter"}
 UNREADABLE = HIDDEN | {
     "job", "login_map", "line_observation", "track_state", "state_chunk", "region_cell", "region_edge", "rule_state", "pending_row",
-    "region_wanted", "query_side", "side_track", "query_track_wanted",
+    "region_wanted", "query_side", "query_predicate", "side_track", "query_track_wanted",
     "pair_side", "pair_instance_wanted", "pair_track_wanted", "pair_reach", "track_side",
     "stored_state", "unflushed_state",
 }  # fmt: skip

@@ -50,7 +50,7 @@ def test_rest(generate: ModuleType) -> None:
 
 def test_every_function_of_the_schema(generate: ModuleType) -> None:
     page = generate.sql()
-    for file in (CHECKOUT / "sql").glob("*.sql"):
+    for file in (CHECKOUT / "sql").rglob("*.sql"):
         created = r"^create or replace (?:aggregate|function|procedure) semap(?:_query)?\.(\w+)"
         for name in re.findall(created, file.read_text(), re.M):
             assert f"### {name}\n" in page, name

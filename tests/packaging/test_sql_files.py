@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semap.store.database.schema_files import schema_folder
+from semap.schema_files import sql_files
 from semap.store.operate.object_comment import CREATE, STATEMENT
 
 COLUMNS = 120
@@ -15,7 +15,6 @@ LONG = {
     "semap.undo_change_set": 100,
     "semap.probability_inside": 66,
     "semap.refresh_regions": 103,
-    "semap.observed_pairs": 68,
     "semap.way_meets": 84,
     "semap.refresh_map_pairs": 63,
     "semap.write_pair_amendments": 130,
@@ -33,7 +32,7 @@ LONG = {
 def test_lines_are_within_the_columns() -> None:
     wide = {
         file.name
-        for file in schema_folder("sql").glob("*.sql")
+        for file in sql_files("sql")
         if any(len(line) > COLUMNS for line in file.read_text().split("\n"))
     }
     assert wide == WIDE
@@ -41,7 +40,7 @@ def test_lines_are_within_the_columns() -> None:
 
 def test_functions_and_views_are_seen_at_once() -> None:
     lines = {}
-    for file in schema_folder("sql").glob("*.sql"):
+    for file in sql_files("sql"):
         sql = file.read_text()
         for statement in STATEMENT.finditer(sql):
             created = CREATE.match(sql, statement.start())

@@ -60,7 +60,7 @@ def run(installed: Path, cwd: Path, *command: str, **variables: str) -> subproce
 
 def test_the_wheel_holds_the_schema(wheel: Path) -> None:
     held = set(zipfile.ZipFile(wheel).namelist())
-    behaviour = {f"semap/schema/sql/{file.name}" for file in (CHECKOUT / "sql").glob("*.sql")}
+    behaviour = {f"semap/schema/{file.relative_to(CHECKOUT)}" for file in (CHECKOUT / "sql").rglob("*.sql")}
     state = {
         f"semap/schema/migrations/{file.relative_to(CHECKOUT / 'migrations')}"
         for file in (CHECKOUT / "migrations").rglob("*.*")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from semap.schema_files import sql_files
 from semap.store.database.connection import connect
-from semap.store.database.schema_files import schema_folder
 from semap.store.operate.object_comment import comment_statements, comments_in
 
 HOSTILE = r"""-- The file's own remark; it says nothing of a type.
@@ -93,7 +93,7 @@ CREATED = {
 }
 
 
-@pytest.mark.parametrize("file", sorted(schema_folder("sql").glob("*.sql")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", sql_files("sql"), ids=lambda file: file.stem)
 def test_files_are_read_as_postgresql_reads_them(file: Path) -> None:
     pglast = pytest.importorskip("pglast")
     sql = file.read_text()

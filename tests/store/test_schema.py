@@ -10,8 +10,8 @@ from alembic.script import ScriptDirectory
 from patience import PATIENCE_S
 
 from semap.errors import DatabaseError, ServerUnavailable
+from semap.schema_files import schema_folder
 from semap.store.database.connection import connect
-from semap.store.database.schema_files import schema_folder
 from semap.store.operate import schema
 from semap.store.operate.schema import head_version, is_current, migrate, require_current
 

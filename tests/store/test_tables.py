@@ -9,8 +9,8 @@ from sqlalchemy import Engine, Table, inspect, text
 from sqlalchemy.dialects.postgresql import dialect
 from sqlalchemy.types import NullType, TypeEngine
 
-from semap.store.database import schema_files
-from semap.store.database.schema_files import migration_texts, schema_folder
+from semap import schema_files
+from semap.schema_files import migration_texts, schema_folder
 from semap.store.database.tables import TABLES, VIEWS, read_tables
 from semap.store.operate import schema
 from semap.store.operate.schema import FORGET, migrate

@@ -33,7 +33,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import ENUM, INTERVAL, JSONB, TIMESTAMP
 from sqlalchemy.types import NULLTYPE, TypeEngine
 
-from semap.store.database.schema_files import migration_texts
+from semap.schema_files import migration_texts
 
 STAMP = TIMESTAMP(timezone=True)
 POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")

@@ -18,10 +18,11 @@ from sqlalchemy import Connection, text
 
 import semap
 from semap.errors import DatabaseError, ServerUnavailable
+from semap.schema_files import schema_folder, sql_files
 from semap.store.database.connection import connect, one_transaction, translated
-from semap.store.database.schema_files import schema_folder
 from semap.store.operate.object_comment import comment_statements
 from semap.store.relation.conditions import compile_again
+from semap.store.relation.predicate_rows import keep_predicates
 
 log = logging.getLogger(__name__)
 
@@ -149,15 +150,13 @@ def _upgrade(connection: Connection) -> str | None:
 def run_files(connection: Connection, folder: str) -> None:
     """Run the SQL of a folder, in the order of its files' names, and make comments of the sentences in it."""
     cursor = connection.connection.cursor()
-    for file in sorted(schema_folder(folder).glob("*.sql")):
+    for file in sql_files(folder):
         sql = file.read_text()
         cursor.execute(f"{sql}\n{comment_statements(sql)}")
 
 
 def _checksum() -> str:
-    parts = [
-        file.name.encode() + b"\0" + file.read_bytes() for file in sorted(schema_folder("sql").glob("*.sql"))
-    ]
+    parts = [file.name.encode() + b"\0" + file.read_bytes() for file in sql_files("sql")]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
@@ -165,6 +164,7 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
     """Apply sql/ where it differs, and after a migration, whose tables want their grants."""
     if not again and connection.scalar(text("select checksum from semap.behaviour")) == _checksum():
         return False
+    keep_predicates(connection)
     run_files(connection, "sql")
     compile_again(connection)
     connection.execute(text("delete from semap.behaviour"))

@@ -17,7 +17,7 @@ from sqlalchemy.dialects.postgresql.base import PGDialect
 from semap.cql2 import Call, Expression, Kinds, Shape, check, parse, parts
 from semap.cql2.check import SPATIAL
 from semap.errors import InvalidInput, NotPermitted
-from semap.model.continuous_query import Kind
+from semap.model.predicate import Kind
 from semap.store.database.connection import translated
 from semap.store.database.cql2_sql import Sql, Thing, condition
 

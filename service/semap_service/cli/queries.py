@@ -126,7 +126,7 @@ def add(
     )
     asked = Declaration(
         name=name,
-        predicate=predicate,  # type: ignore[arg-type]
+        predicate=predicate,
         subject=options.side(subject_kind, subject_concept, subject_where, "--subject-where"),
         object=options.side(object_kind, concept, where, "--where"),
         distance_m=distance,

@@ -13,17 +13,11 @@ from semap.model.continuous_query import (
     Certainty,
     Debounce,
     Declaration,
-    Kind,
     Side,
 )
+from semap.model.predicate import Kind, needed_for, predicates
 
-Predicate = Annotated[
-    str,
-    typer.Option(
-        help="contains, covers, intersects, within_distance, nearest, on, in_front_of, behind, left_of,"
-        " right_of, crosses, facing, approaching."
-    ),
-]
+Predicate = Annotated[str, typer.Option(help=f"{', '.join(predicates())}.")]
 Concept = Annotated[str | None, typer.Option(help="Which objects, with the concepts below. [default: any]")]
 Where = Annotated[
     str | None, typer.Option(help='Only objects that satisfy this CQL2 condition: "attributes.floor = 2".')
@@ -41,24 +35,26 @@ SubjectWhere = Annotated[
     ),
 ]
 SubjectKind = Annotated[str, typer.Option("--subject", help="Kind of the subjects: track, instance.")]
-Distance = Annotated[
-    float | None,
-    typer.Option(
-        help="Of within_distance and approaching; how far a direction reaches; of nearest and facing if"
-        " wanted [m]."
-    ),
-]
-Count = Annotated[int | None, typer.Option(help="Of nearest: how many.", min=1, max=100)]
+Distance = Annotated[float | None, typer.Option(help=f"How far it reaches [m]. {needed_for('distance_m')}.")]
+Count = Annotated[int | None, typer.Option(help=f"How many are near. {needed_for('count')}.", min=1, max=100)]
 Angle = Annotated[
     float | None,
-    typer.Option(help="Of facing: the largest angle between heading and bearing [degrees].", min=0, max=180),
+    typer.Option(
+        help=f"The largest angle between heading and bearing [degrees]. {needed_for('angle_rad')}.",
+        min=0,
+        max=180,
+    ),
 ]
 Speed = Annotated[
-    float | None, typer.Option(help="Of approaching: the distance falls so fast or faster [m/s].", min=0)
+    float | None,
+    typer.Option(help=f"The distance falls so fast or faster [m/s]. {needed_for('speed_mps')}.", min=0),
 ]
 Direction = Annotated[
     str | None,
-    typer.Option(help="Of crosses: left_to_right or right_to_left, seen along the line. [default: both]"),
+    typer.Option(
+        help="left_to_right or right_to_left, seen along the line. [default: both]"
+        f" {needed_for('direction')}."
+    ),
 ]
 Abstraction = Annotated[
     str, typer.Option(help="Shape of an instance: Footprint, FootprintHull, Position2D ...")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from math import pi
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import APIRouter, Query, Response
@@ -19,10 +19,9 @@ from semap.model.continuous_query import (
     Debounce,
     Declaration,
     Direction,
-    Kind,
-    Predicate,
     Side,
 )
+from semap.model.predicate import Kind, needed_for, predicates
 from semap.store.map.maps import get_map
 from semap.store.relation import queries
 from semap.store.relation.query_check import PARAMETERS, Flat
@@ -45,6 +44,10 @@ from semap_service.http.problem import problems
 router = APIRouter(tags=["queries"], route_class=TaggedRoute)
 
 
+if TYPE_CHECKING:
+    Predicate = str
+else:
+    Predicate = Literal[tuple(predicates())]
 Metres = Annotated[float, Field(gt=0, le=1e4)]
 Margin = Annotated[float, Field(ge=0, le=100)]
 Wait = Annotated[float, Field(ge=0, le=86_400)]
@@ -115,18 +118,21 @@ class Asked(Request):
     object: SideDocument = Field(SideDocument(), description="Which instances, or tracks.")
     distance_m: Metres | None = Field(
         None,
-        description="Of within_distance; how far a direction reaches; within which something is approached,"
-        " and, if given, faced or among the nearest.",
+        description=f"How far it reaches. {needed_for('distance_m')}.",
     )
-    count: Annotated[int, Field(ge=1, le=100)] | None = Field(None, description="Of nearest: how many.")
+    count: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        None, description=f"How many. {needed_for('count')}."
+    )
     angle_rad: Annotated[float, Field(gt=0, le=pi)] | None = Field(
-        None, description="Of facing: how far the heading may be off."
+        None, description=f"How far the heading may be off. {needed_for('angle_rad')}."
     )
     speed_mps: Annotated[float, Field(gt=0, le=1e4)] | None = Field(
-        None, description="Of approaching: how fast the distance falls, at least."
+        None, description=f"How fast the distance falls, at least. {needed_for('speed_mps')}."
     )
     direction: Direction | None = Field(
-        None, description="Of crosses: seen along the line in the order of its vertices. null: both."
+        None,
+        description="Seen along the line in the order of its vertices; null: both."
+        f" {needed_for('direction')}.",
     )
     abstraction: Flat = "Footprint"
     dimensions: Literal[2, 3] = Field(3, description="3: heights count, too.")

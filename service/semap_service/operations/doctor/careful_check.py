@@ -27,7 +27,7 @@ REACH = timedelta(hours=1)
 
 SHAPES = ("footprint", "shape", "core", "reach")
 REGIONS = """
-    select region_id, query_id, format('%%s (%%s)', instance_name, query_name) as name, predicate, distance_m,
+    select region_id, query_id, format('%%s (%%s)', instance_name, query_name) as name, test, distance_m,
            st_asbinary(footprint) as footprint, st_asbinary(coalesce(shape, footprint)) as shape,
            st_asbinary(core) as core, st_asbinary(reach) as reach, z_min_m, z_max_m,
            (extract(epoch from enter_confirm) * 1000000)::bigint as enter_confirm_us,

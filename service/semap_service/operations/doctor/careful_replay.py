@@ -21,6 +21,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from semap.model.predicate import RegionTest
+
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.float64]
 NEAR_US = 2
@@ -50,7 +52,7 @@ class CarefulRegion:
     region_id: int
     query_id: int
     name: str
-    predicate: str
+    test: RegionTest
     footprint: shapely.Geometry
     shape: shapely.Geometry
     distance_m: float | None
@@ -220,9 +222,9 @@ def _stand(
 ) -> _Stand:
     points = shapely.points(x_m, y_m)
     at_height = np.isnan(z_m) | ((z_m >= region.z_min_m) & (z_m < region.z_max_m))
-    if region.predicate == "covers":
+    if region.test == "covers":
         side = shapely.covers(region.shape, points)
-    elif region.predicate == "within_distance":
+    elif region.test == "dwithin":
         side = shapely.dwithin(region.shape, points, region.distance_m)
     else:
         side = shapely.contains(region.shape, points)
