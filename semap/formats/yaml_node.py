@@ -18,7 +18,7 @@ from uuid import UUID
 import yaml
 
 from semap.errors import InvalidInput
-from semap.formats.refusals import Refusals
+from semap.formats.refusals import LISTED_AT_MOST, Refusals
 from semap.formats.source import utf8
 
 MAX_BYTES = 64 * 1024**2
@@ -66,8 +66,8 @@ for _name, (_pattern, _first) in RESOLVED.items():
 
 NUMBERS = re.compile(r"(?<=: )\[[-+.0-9eE, \[\]]*\](?=[,}\s])")
 """Lists of numbers, most of what a large file says."""
-AS_WORD = str.maketrans("[], ", "\ue000\ue001\ue002\ue003")
-WORD = re.compile("[\ue000-\ue003]")
+WORD = "\ue000"
+"""Begins what stands for such a list."""
 
 
 @dataclass(eq=False, slots=True)
@@ -242,9 +242,9 @@ def _refuse_large(text: str, name: str, shape: Shape | None, needed: Mapping[str
     """
     if hasattr(_Loader, "raw_parse"):
         _Loader(text).raw_parse()  # in C alone
-    if shape is not None and not WORD.search(text):
+    if shape is not None and WORD not in text:
         # A list as one word of the same length: every other thing keeps its place.
-        words = NUMBERS.sub(lambda found: found[0].translate(AS_WORD), text)
+        words = NUMBERS.sub(lambda found: WORD.ljust(len(found[0]), "_"), text)
         _Reading(name, words).document(shape, needed)
 
 
@@ -271,6 +271,7 @@ class _Reading:
         self.known: dict[str, tuple[Node, int] | None] = {}
         self.repeated = 0
         self.refusals = Refusals()
+        self.refused = 0
 
     def document(self, shape: Shape | None, needed: Mapping[str, str]) -> Node:
         try:
@@ -280,11 +281,14 @@ class _Reading:
                     self.refusals.add(-1, root.wrong(f"`{key}` is missing", remedy))
             return root
         except InvalidInput as error:
-            self.refusals.add(len(self.text), error)
+            if self.refused < LISTED_AT_MOST:
+                self.refusals.add(len(self.text), error)
             raise
         finally:
             # Rather than what comes behind them, such as a syntax that is wrong.
-            self.refusals.raise_if_any("places", self.name)
+            self.refusals.raise_if_any(
+                "places" if self.refused < LISTED_AT_MOST else "places at least", self.name
+            )
 
     def _document(self, shape: Shape | None) -> Node:
         self._next()  # the beginning of the stream
@@ -331,8 +335,15 @@ class _Reading:
         try:
             node.mapping() if isinstance(shape, dict) else shape(node)
         except InvalidInput as error:
-            if isinstance(shape, dict) or not WORD.search(node.source):
-                self.refusals.add(node.mark.index, error)
+            if isinstance(shape, dict) or WORD not in node.source:
+                self._refuse(node.mark, error)
+
+    def _refuse(self, mark: Any, error: InvalidInput) -> None:
+        """Go on after an error, unless there are many: then it is another kind of file."""
+        self.refusals.add(mark.index, error)
+        self.refused += 1
+        if self.refused == LISTED_AT_MOST:
+            raise error
 
     def _repeated(self, event: Any) -> tuple[Node, int]:
         if event.anchor not in self.known:
@@ -371,13 +382,13 @@ class _Reading:
                 raise InvalidInput("a key that is not a word", "Write `word: value`.", self._at(event))
             key = event.value
             mark: Any = event.start_mark
-            if key in parts:
+            if key in parts and WORD not in key:
                 before = _where(self.name, keys[key])
                 message = f"the key {key!r} is there twice (before: {before})"
                 error = InvalidInput(message, "Remove one, or give it another name.", self._at(event))
-                self.refusals.add(mark.index, error)
+                self._refuse(mark, error)
             if shape is not None and key not in shape and ANY_KEY not in shape:
-                self.refusals.add(mark.index, _unknown(key, sorted(shape), self._at(event)))
+                self._refuse(mark, _unknown(key, sorted(shape), self._at(event)))
             within = None if shape is None else shape.get(key, shape.get(ANY_KEY))
             keys[key] = mark
             parts[key], count = self._node(self._next(), depth + 1, within)
@@ -388,7 +399,11 @@ class _Reading:
         text = event.value
         tag = event.tag
         if tag is None and event.implicit[0]:
-            kind = next((name for name, pattern in BY_FIRST.get(text[:1], ()) if pattern.match(text)), "str")
+            kind = "str"
+            for name, pattern in BY_FIRST.get(text[:1], ()):
+                if pattern.match(text):
+                    kind = name
+                    break
         else:
             tag = tag or self.loader.resolve(yaml.ScalarNode, text, event.implicit)
             kind = tag.removeprefix(TAG)

@@ -318,6 +318,18 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
     ]
 
 
+def test_a_file_of_another_kind_is_not_read_to_its_end(tmp_path: Path) -> None:
+    keys = "".join(f"key {n}: 1\n" for n in range(100))
+    with pytest.raises(InvalidInput) as refusal:
+        # what follows is no YAML at all
+        read_map(written(tmp_path, keys + "}]: @\n"))
+    first, *lines = str(refusal.value).splitlines()
+    assert first == f"{tmp_path / 'map.yaml'}: 20 places at least are wrong:"
+    assert lines == [
+        f"  {tmp_path / 'map.yaml'}:{n + 1}:1: there is no key 'key {n}' here" for n in range(20)
+    ]
+
+
 def test_all_entries_and_names_that_are_wrong_are_told_at_once(tmp_path: Path) -> None:
     file = tmp_path / "map.yaml"
     bent = "".join(f"  r{n:02}: {{footprint: [[0, 0], [2, 2], [2, 0], [0, 2]]}}\n" for n in range(25))
