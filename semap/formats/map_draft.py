@@ -12,6 +12,7 @@ from pathlib import Path
 
 from semap.errors import InvalidInput
 from semap.formats.refusals import LISTED_AT_MOST, Refusals
+from semap.formats.validation import require_short
 from semap.formats.yaml_node import Node
 from semap.model.map_document import (
     ConceptEntry,
@@ -61,10 +62,12 @@ class Draft:
     def given(self, kind: str, name: str, node: Node) -> None:
         """Note that a thing is given here.
 
-        raises  InvalidInput if one of its kind has that name already
+        raises  InvalidInput if one of its kind has that name already, or it has none, or a long one
         """
         if not name:
             raise node.wrong(f"a {kind} without a name", "Give it one.")
+        if kind != "description":
+            require_short(kind, name, node.where)
         before = self.places.setdefault((kind, name), node.where)
         if before != node.where:
             raise node.wrong(f"there is a {kind} {name!r} already, at {before}", "Give it another name.")

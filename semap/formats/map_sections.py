@@ -15,6 +15,7 @@ from semap.formats.map_draft import Draft
 from semap.formats.map_folder import inside
 from semap.formats.map_shape import POSE_FIELDS, read_area, read_geometry, read_mesh_of, read_pose
 from semap.formats.occupancy_grid import read_grid
+from semap.formats.validation import require_short
 from semap.formats.yaml_node import Node
 from semap.geometry.prism import extrude
 from semap.model.anchor import Anchor
@@ -153,6 +154,7 @@ def read_instance(name: str, entry: Node, draft: Draft) -> None:
         if needed not in fields:
             raise entry.wrong(f"`{needed}` is missing", "Give it, or use `things:`, where less is needed.")
     draft.given("instance", name, entry)
+    require_short("concept", fields["concept"].text(), fields["concept"].where)
     draft.instances.append(
         InstanceEntry(
             uid=fields["uid"].uid() if "uid" in fields else uuid5(NAMESPACE, name),
