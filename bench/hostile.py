@@ -61,7 +61,10 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Attack:
-    """One request: what it is called, and what is sent."""
+    """One request: what it is called, and what is sent.
+
+    is_file  it brings a file, which the service may give to a process of its own
+    """
 
     operation: str
     means: str
@@ -69,6 +72,7 @@ class Attack:
     target: str
     headers: Mapping[str, str]
     body: bytes = b""
+    is_file: bool = False
 
 
 def attacks(described: Mapping[str, Any], body_bytes: int) -> Iterator[Attack]:
@@ -186,6 +190,7 @@ def _forms(
             target,
             {"Content-Type": "multipart/form-data; boundary=x"},
             sent + b"--x--\r\n",
+            any(file for _, file, _ in parts),
         )
 
     fields = list(schema.get("properties", {}))

@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from semap_service.exchange.map_file import bring_in, read_file
@@ -36,11 +37,27 @@ def measure(dsn: str, rooms: tuple[int, int] = ROOMS, doors: int = DOORS) -> Row
                 bring_in(connection, read_file(plan), None, plan.stem)
 
         rows = [{"what": f"{rooms[0] * rooms[1]:,} rooms, {doors:,} doors", **_timed(bring)}]
-        for what, line in (("another YAML", "key{}: value\n"), ("a text", "Lorem ipsum dolor sit amet\n")):
+        for what, text in wrong_files().items():
             wrong = Path(folder) / "wrong.yaml"
-            wrong.write_text("".join(line.format(n) for n in range(WRONG_BYTES // len(line))))
-            rows.append({"what": f"10 MB, {what}", **_timed(lambda wrong=wrong: _refused(wrong))})
+            wrong.write_text(text)
+            rows.append({"what": f"10 MB, {what}", **_timed(partial(_refused, wrong))})
     return rows
+
+
+def wrong_files() -> dict[str, str]:
+    """Texts of 10 MB that are no maps, by what they are."""
+    room = "  room {}:\n    footprint: [[0, 0], [4, 0], [4, 3], [0, 3]]\n    height_m: 2.5\n"
+
+    def repeated(line: str) -> str:
+        return "".join(line.format(n) for n in range(WRONG_BYTES // len(line)))
+
+    rooms = f"map: tower\nrooms:\n{repeated(room)}"
+    return {
+        "another YAML": repeated("key{}: value\n"),
+        "a text": repeated("Lorem ipsum dolor sit amet\n"),
+        "a map with a wrong key at its end": f"{rooms}  last: {{hieght_m: 2.5}}\n",
+        "a map with a wrong value at its end": f"{rooms}  last: {{uid: none}}\n",
+    }
 
 
 def grid(rooms: tuple[int, int], doors: int) -> dict[str, object]:

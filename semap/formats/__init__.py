@@ -16,7 +16,7 @@ from semap.formats.geojson import read_geojson
 from semap.formats.geojson_system import Crs
 from semap.formats.ifc import read_ifc
 from semap.formats.indoorgml import read_indoorgml
-from semap.formats.validation import doubts, refuse_far
+from semap.formats.validation import doubts, refuse_unusable
 from semap.formats.yaml_map import read_map, write_map
 from semap.model.building import Building
 
@@ -36,7 +36,7 @@ def read_building(
     """
     try:
         building = _read(path, progress, crs)
-        refuse_far(building, str(path))
+        refuse_unusable(building, str(path))
         return replace(building, findings=(*building.findings, *doubts(building)))
     except GEOSException as error:
         raise InvalidInput(

@@ -29,6 +29,7 @@ from semap.formats.gml_surface import geometry_of, polygons_of, surface_of
 from semap.formats.gml_tree import LINE, by_id, name_of, parse_xml, text_of
 from semap.formats.indoorgml_cells import cell_elements, concept_of, key_of
 from semap.formats.indoorgml_graph import Passage, passages
+from semap.formats.refusals import Refusals
 from semap.formats.source import read_bytes
 from semap.formats.unique_name import unique_names
 from semap.geometry.pose import pose_from_yaw
@@ -88,7 +89,13 @@ def parse_indoorgml(data: bytes, where: str = "") -> Building:
     elements = cell_elements(root, ids, findings)
     if not elements:
         raise InvalidInput("there are no cells", "Export the primal space with its CellSpaces.", where)
-    cells = _with_unique_names([_cell(each, ids, scale, where, findings) for each in elements], findings)
+    wrong = Refusals()
+    read: list[Cell] = []
+    for place, each in enumerate(elements):
+        with wrong.of_part(place):
+            read.append(_cell(each, ids, scale, where, findings))
+    wrong.raise_if_any("cells", where)
+    cells = _with_unique_names(read, findings)
     found = passages(root, ids, {cell.key: cell.concept for cell in cells}, findings)
     joins = _joins(cells, found)
     items = [_item(cell, joins.get(cell.key, ())) for cell in cells]

@@ -15,6 +15,7 @@ from semap.formats.map_draft import Draft
 from semap.formats.map_folder import inside
 from semap.formats.map_shape import POSE_FIELDS, read_area, read_geometry, read_mesh_of, read_pose
 from semap.formats.occupancy_grid import read_grid
+from semap.formats.validation import require_short
 from semap.formats.yaml_node import Node
 from semap.geometry.prism import extrude
 from semap.model.anchor import Anchor
@@ -56,6 +57,8 @@ RULE_CLAUSES = (
 QUERY_OPTIONS = ("subject", "object", "distance_m", "abstraction", "dimensions", "debounce", "certainty",
                  "between_samples", "payload")  # fmt: skip
 WHOLE_RULE = ("query", "queries", "declaration")
+QUERY_FIELDS = ("predicate", "concept", "enabled", *QUERY_OPTIONS)
+RULE_FIELDS = (*RULE_CLAUSES, *WHOLE_RULE, "enabled")
 
 
 def read_anchor(node: Node) -> Anchor:
@@ -69,46 +72,43 @@ def read_anchor(node: Node) -> Anchor:
     return Anchor(epsg, read_pose(fields))
 
 
-def read_concepts(node: Node, draft: Draft) -> None:
-    """Kinds of things; parents that are not listed are looked for in the database."""
-    for name, entry in node.mapping().items():
-        fields = entry.fields(CONCEPT_FIELDS)
-        draft.given("concept", name, entry)
-        draft.concepts.append(
-            ConceptEntry(
-                name,
-                fields["parents"].texts() if "parents" in fields else (),
-                fields["iris"].texts() if "iris" in fields else (),
-                _text(fields, "comment"),
-                _json_mapping(fields["schema"]) if "schema" in fields else None,
-            )
+def read_concept(name: str, entry: Node, draft: Draft) -> None:
+    """A kind of things; parents that are not listed are looked for in the database."""
+    fields = entry.fields(CONCEPT_FIELDS)
+    draft.given("concept", name, entry)
+    draft.concepts.append(
+        ConceptEntry(
+            name,
+            fields["parents"].texts() if "parents" in fields else (),
+            fields["iris"].texts() if "iris" in fields else (),
+            _text(fields, "comment"),
+            _json_mapping(fields["schema"]) if "schema" in fields else None,
         )
+    )
 
 
-def read_frames(node: Node, draft: Draft) -> None:
-    """Frames with their poses in their parents."""
-    for name, entry in node.mapping().items():
-        fields = entry.fields(FRAME_FIELDS)
-        draft.given("frame", name, entry)
-        parent = draft.named("frame", fields["parent"]) if "parent" in fields else None
-        if "poses" not in fields:
-            poses: tuple[StampedPose, ...] = (StampedPose(read_pose(fields)),)
-        elif set(POSE_FIELDS) & fields.keys():
-            raise entry.wrong("both `poses` and a pose", "Put the pose into `poses`.")
-        else:
-            poses = tuple(_stamped(each) for each in fields["poses"].sequence())
-        stamps = [each.stamp for each in poses]
-        if len(set(stamps)) < len(stamps):
-            raise entry.wrong("two poses at the same time", "Keep one for each stamp.")
-        draft.frames.append(FrameEntry(name, parent, poses))
+def read_frame(name: str, entry: Node, draft: Draft) -> None:
+    """A frame with its poses in its parent."""
+    fields = entry.fields(FRAME_FIELDS)
+    draft.given("frame", name, entry)
+    parent = draft.named("frame", fields["parent"]) if "parent" in fields else None
+    if "poses" not in fields:
+        poses: tuple[StampedPose, ...] = (StampedPose(read_pose(fields)),)
+    elif set(POSE_FIELDS) & fields.keys():
+        raise entry.wrong("both `poses` and a pose", "Put the pose into `poses`.")
+    else:
+        poses = tuple(_stamped(each) for each in fields["poses"].sequence())
+    stamps = [each.stamp for each in poses]
+    if len(set(stamps)) < len(stamps):
+        raise entry.wrong("two poses at the same time", "Keep one for each stamp.")
+    draft.frames.append(FrameEntry(name, parent, poses))
 
 
-def read_descriptions(node: Node, draft: Draft, *, is_shared: bool) -> None:
-    """Blueprints, or descriptions that belong to one instance each."""
-    for key, entry in node.mapping().items():
-        draft.given("description", key, entry)
-        geometries = read_look(entry, entry.fields(LOOK_FIELDS), draft)
-        draft.descriptions.append(DescriptionEntry(key, geometries, is_shared))
+def read_description(key: str, entry: Node, draft: Draft, *, is_shared: bool) -> None:
+    """A blueprint, or a description that belongs to one instance."""
+    draft.given("description", key, entry)
+    geometries = read_look(entry, entry.fields(LOOK_FIELDS), draft)
+    draft.descriptions.append(DescriptionEntry(key, geometries, is_shared))
 
 
 def read_look(node: Node, fields: Mapping[str, Node], draft: Draft) -> tuple[SourceGeometry, ...]:
@@ -147,74 +147,69 @@ def read_look(node: Node, fields: Mapping[str, Node], draft: Draft) -> tuple[Sou
     )
 
 
-def read_instances(node: Node, draft: Draft) -> None:
-    """Instances, each in a frame that is given elsewhere."""
-    for name, entry in node.mapping().items():
-        fields = entry.fields(INSTANCE_FIELDS)
-        for needed in ("concept", "frame"):
-            if needed not in fields:
-                raise entry.wrong(
-                    f"`{needed}` is missing", "Give it, or use `things:`, where less is needed."
-                )
-        draft.given("instance", name, entry)
-        draft.instances.append(
-            InstanceEntry(
-                uid=fields["uid"].uid() if "uid" in fields else uuid5(NAMESPACE, name),
-                name=name,
-                concept=fields["concept"].text(),
-                frame=draft.named("frame", fields["frame"]),
-                alias=_text(fields, "alias"),
-                description=draft.named("description", fields["description"])
-                if "description" in fields
-                else None,
-                storey=draft.named("instance", fields["storey"]) if "storey" in fields else None,
-                joins=tuple(draft.named("instance", each) for each in fields["joins"].sequence())
-                if "joins" in fields
-                else (),
-                attributes=_json_mapping(fields["attributes"]) if "attributes" in fields else {},
-            )
+def read_instance(name: str, entry: Node, draft: Draft) -> None:
+    """An instance, in a frame that is given elsewhere."""
+    fields = entry.fields(INSTANCE_FIELDS)
+    for needed in ("concept", "frame"):
+        if needed not in fields:
+            raise entry.wrong(f"`{needed}` is missing", "Give it, or use `things:`, where less is needed.")
+    draft.given("instance", name, entry)
+    require_short("concept", fields["concept"].text(), fields["concept"].where)
+    draft.instances.append(
+        InstanceEntry(
+            uid=fields["uid"].uid() if "uid" in fields else uuid5(NAMESPACE, name),
+            name=name,
+            concept=fields["concept"].text(),
+            frame=draft.named("frame", fields["frame"]),
+            alias=_text(fields, "alias"),
+            description=draft.named("description", fields["description"])
+            if "description" in fields
+            else None,
+            storey=draft.named("instance", fields["storey"]) if "storey" in fields else None,
+            joins=tuple(draft.named("instance", each) for each in fields["joins"].sequence())
+            if "joins" in fields
+            else (),
+            attributes=_json_mapping(fields["attributes"]) if "attributes" in fields else {},
         )
+    )
 
 
-def read_queries(node: Node, draft: Draft) -> None:
-    """Continuous queries."""
-    for name, entry in node.mapping().items():
-        fields = entry.fields(("predicate", "concept", "enabled", *QUERY_OPTIONS))
-        if "concept" not in fields and "object" not in fields:
-            raise entry.wrong("`concept` is missing", "Write the kind of thing that contains the tracks.")
-        draft.given("query", name, entry)
-        predicate = fields["predicate"].text() if "predicate" in fields else "contains"
-        concept = fields["concept"].text() if "concept" in fields else None
-        options = {option: fields[option].json() for option in QUERY_OPTIONS if option in fields}
-        draft.queries.append(QueryEntry(name, predicate, concept, _enabled(fields), options))
+def read_query(name: str, entry: Node, draft: Draft) -> None:
+    """A continuous query."""
+    fields = entry.fields(QUERY_FIELDS)
+    if "concept" not in fields and "object" not in fields:
+        raise entry.wrong("`concept` is missing", "Write the kind of thing that contains the tracks.")
+    draft.given("query", name, entry)
+    predicate = fields["predicate"].text() if "predicate" in fields else "contains"
+    concept = fields["concept"].text() if "concept" in fields else None
+    options = {option: fields[option].json() for option in QUERY_OPTIONS if option in fields}
+    draft.queries.append(QueryEntry(name, predicate, concept, _enabled(fields), options))
 
 
-def read_rules(node: Node, draft: Draft) -> None:
-    """Rules, as a file of rules says them (`input`, `emit`, ...) or with their whole declaration."""
-    rules = node.mapping()
-    for name, entry in rules.items():
-        fields = entry.fields((*RULE_CLAUSES, *WHOLE_RULE, "enabled"))
-        draft.given("rule", name, entry)
-        clauses = [clause for clause in RULE_CLAUSES if clause in fields]
-        if "input" in fields and not fields.keys() & set(WHOLE_RULE):
-            queries = _queries_read(fields["input"], rules, draft)
-            declaration: Mapping[str, object] = {
-                "emit": {},
-                **{clause: fields[clause].json() for clause in clauses},
-            }
-        elif "declaration" in fields and not clauses:
-            queries = _queries_named(fields, draft)
-            declaration = _json_mapping(fields["declaration"])
-        else:
-            raise entry.wrong("a rule needs `input` and `emit`", "For example: {input: q, emit: {began: e}}.")
-        draft.rules.append(RuleEntry(name, queries, declaration, _enabled(fields)))
+def read_rule(name: str, entry: Node, draft: Draft) -> None:
+    """A rule, as a file of rules says it (`input`, `emit`, ...) or with its whole declaration."""
+    fields = entry.fields(RULE_FIELDS)
+    draft.given("rule", name, entry)
+    clauses = [clause for clause in RULE_CLAUSES if clause in fields]
+    if "input" in fields and not fields.keys() & set(WHOLE_RULE):
+        queries = _queries_read(fields["input"], draft)
+        declaration: Mapping[str, object] = {
+            "emit": {},
+            **{clause: fields[clause].json() for clause in clauses},
+        }
+    elif "declaration" in fields and not clauses:
+        queries = _queries_named(fields, draft)
+        declaration = _json_mapping(fields["declaration"])
+    else:
+        raise entry.wrong("a rule needs `input` and `emit`", "For example: {input: q, emit: {began: e}}.")
+    draft.rules.append(RuleEntry(name, queries, declaration, _enabled(fields)))
 
 
-def _queries_read(node: Node, rules: Mapping[str, Node], draft: Draft) -> tuple[str, ...]:
+def _queries_read(node: Node, draft: Draft) -> tuple[str, ...]:
     """Of what a rule reads, the queries: one name alone is one, unless it is a rule's."""
     if not isinstance(node.value, tuple):
         one = node.mapping().get("query") if isinstance(node.value, Mapping) else node
-        return () if one is None or one.text() in rules else (draft.named("query", one),)
+        return () if one is None or one.text() in draft.rule_names else (draft.named("query", one),)
     found = []
     for each in node.sequence():
         if isinstance(each.value, Mapping):
@@ -234,11 +229,10 @@ def _queries_named(fields: Mapping[str, Node], draft: Draft) -> tuple[str, ...]:
     )
 
 
-def read_grids(node: Node, draft: Draft) -> None:
-    """Occupancy grids by name, each the path of a YAML file of map_server."""
-    for name, entry in node.mapping().items():
-        draft.given("grid", name, entry)
-        draft.grids.append(read_grid(inside(draft.folder, entry), name, draft.folder))
+def read_grid_of_map(name: str, entry: Node, draft: Draft) -> None:
+    """An occupancy grid: the path of a YAML file of map_server."""
+    draft.given("grid", name, entry)
+    draft.grids.append(read_grid(inside(draft.folder, entry), name, draft.folder))
 
 
 def read_attributes(fields: Mapping[str, Node]) -> dict[str, object]:

@@ -189,7 +189,7 @@ def _ring(node: Node, dimension: int) -> NDArray[np.float64]:
     points = np.array([point.numbers(dimension, dimension) for point in node.sequence(3)])
     if (points[0] == points[-1]).all():
         points = points[:-1]
-    if len(np.unique(points, axis=0)) < 3:
+    if len(set(map(tuple, points.tolist()))) < 3:
         raise node.wrong("a ring with fewer than three different points", "Give three or more corners.")
     return np.concatenate([points, points[:1]])
 

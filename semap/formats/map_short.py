@@ -33,31 +33,25 @@ SHAPES = ("geometries", "box", "mesh", "footprint", "blueprint")
 STOREY_FIELDS = ("elevation_m", "alias", "attributes", "uid")
 
 
-def read_short_form(sections: Mapping[str, Node], draft: Draft) -> dict[str, str]:
-    """Read the sections `storeys`, `rooms`, `doors` and `things`; returns what stands on what, by name."""
-    standing_on: dict[str, str] = {}
-    for name, node in _entries(sections, "storeys"):
-        _read_storey(name, node, draft)
-    for name, node in _entries(sections, "rooms"):
-        _read_thing(name, node, node.fields(THING_FIELDS), draft, standing_on, "Room")
-    for name, node in _entries(sections, "doors"):
-        _read_door(name, node, draft, standing_on)
-    for name, node in _entries(sections, "things"):
-        _read_thing(name, node, node.fields(THING_FIELDS), draft, standing_on, None)
-    return standing_on
+def read_room(name: str, node: Node, draft: Draft) -> None:
+    """A room."""
+    _read_thing(name, node, node.fields(THING_FIELDS), draft, "Room")
 
 
-def _entries(sections: Mapping[str, Node], key: str) -> list[tuple[str, Node]]:
-    return list(sections[key].mapping().items()) if key in sections else []
+def read_thing(name: str, node: Node, draft: Draft) -> None:
+    """A thing of the kind that it names."""
+    _read_thing(name, node, node.fields(THING_FIELDS), draft, None)
 
 
-def _read_storey(name: str, node: Node, draft: Draft) -> None:
+def read_storey(name: str, node: Node, draft: Draft) -> None:
+    """A storey, whose frame is at its elevation."""
     fields = node.fields(STOREY_FIELDS)
     elevation_m = fields["elevation_m"].number() if "elevation_m" in fields else 0.0
     _add(name, node, fields, draft, STOREY, ROOT, Pose(z_m=elevation_m))
 
 
-def _read_door(name: str, node: Node, draft: Draft, standing_on: dict[str, str]) -> None:
+def read_door(name: str, node: Node, draft: Draft) -> None:
+    """A door, and the rooms that it joins."""
     fields = dict(node.fields(DOOR_FIELDS))
     joins = fields.pop("between", None)
     sides = () if joins is None else joins.sequence(1, 2)
@@ -82,7 +76,7 @@ def _read_door(name: str, node: Node, draft: Draft, standing_on: dict[str, str])
             raise node_of_leaf.wrong(
                 "a leaf without a width", "Give the door its `width_m`, a `line` or a shape."
             )
-    _read_thing(name, node, fields, draft, standing_on, "Door", rooms, attributes, pose)
+    _read_thing(name, node, fields, draft, "Door", rooms, attributes, pose)
 
 
 def _read_thing(
@@ -90,7 +84,6 @@ def _read_thing(
     node: Node,
     fields: Mapping[str, Node],
     draft: Draft,
-    standing_on: dict[str, str],
     concept: str | None,
     joins: tuple[str, ...] = (),
     attributes: Mapping[str, object] | None = None,
@@ -106,7 +99,7 @@ def _read_thing(
     parent = storey or ROOT
     if "on" in fields:
         parent = draft.named("frame", fields["on"])
-        standing_on[name] = parent
+        draft.standing_on[name] = parent
     elif storey is not None:
         draft.named("frame", fields["storey"])
     description = _description(name, node, fields, draft)

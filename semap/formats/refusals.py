@@ -22,7 +22,11 @@ class Refusals:
         try:
             yield
         except InvalidInput as error:
-            self._by_place.append((place, error))
+            self.add(place, error)
+
+    def add(self, place: int, error: InvalidInput) -> None:
+        """Keep an error."""
+        self._by_place.append((place, error))
 
     def raise_if_any(self, parts: str, where: str) -> None:
         """raises  InvalidInput that lists them, the first 20 of many
@@ -31,6 +35,8 @@ class Refusals:
         """
         errors = [error for _, error in sorted(self._by_place, key=lambda each: each[0])]
         if len(errors) == 1:
+            if errors[0].where.startswith(f"{where}:"):
+                raise errors[0]
             raise InvalidInput(str(errors[0]), errors[0].remedy, where) from errors[0]
         if errors:
             lines = listed([str(error) for error in errors])

@@ -27,6 +27,7 @@ OVERLAP_M = 0.01
 """Rooms overlap if they share more area than this, and more height."""
 
 HUGE_M = 10_000.0
+LONGEST_NAME = 200
 HUGE_ROOM_M = 300.0
 """Half of the rooms are as wide as that in no building."""
 
@@ -36,11 +37,16 @@ BELOW_STOREY_M = 1.0
 """How far a storey's rooms may begin below its elevation, sunken floors included."""
 
 
-def refuse_far(building: Building, where: str) -> None:
-    """raises  InvalidInput if something lies farther from the origin than any place on earth"""
+def refuse_unusable(building: Building, where: str) -> None:
+    """raises  InvalidInput if names are too long, or something lies where no place on earth is"""
     wrong = Refusals()
+    for storey in building.storeys:
+        with wrong.of_part(-1):
+            require_short("storey", storey.name)
     for place, item in enumerate(building.items):
         with wrong.of_part(place):
+            require_short("thing", item.name)
+            require_short("concept", item.concept)
             reach_m = float(np.abs(_corners([item])).max(initial=0))
             reach_m = max(reach_m, *(abs(each) for each in (item.pose.x_m, item.pose.y_m, item.pose.z_m)))
             if not reach_m <= FARTHEST_M:
@@ -50,6 +56,16 @@ def refuse_far(building: Building, where: str) -> None:
                     repr(item.name),
                 )
     wrong.raise_if_any("things", where)
+
+
+def require_short(kind: str, name: str, where: str = "") -> None:
+    """raises  InvalidInput for a name that neither an index nor the service would take"""
+    if len(name) > LONGEST_NAME:
+        raise InvalidInput(
+            f"the {kind} {name[:20]!r}... has a name of {len(name)} characters",
+            f"Choose one of at most {LONGEST_NAME}.",
+            where,
+        )
 
 
 def doubts(building: Building) -> tuple[Finding, ...]:

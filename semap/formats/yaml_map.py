@@ -7,45 +7,82 @@ it gives the same document again, meshes bit by bit. docs/map-format.md teaches 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 from semap.errors import NotFound
 from semap.formats import map_sections as sections_of
+from semap.formats import map_short
 from semap.formats.map_draft import ROOT, Draft
 from semap.formats.map_folder import replace_file
-from semap.formats.map_short import DOOR_FIELDS, STOREY_FIELDS, THING_FIELDS, read_short_form
 from semap.formats.map_writing import MARK, map_files
 from semap.formats.source import read_bytes
+from semap.formats.uncollected import uncollected
 from semap.formats.yaml_node import ANY_KEY, Node, Shape, parse_yaml
 from semap.model.map_document import FrameEntry, MapDocument, QueryEntry, RuleEntry
 
 FILE = "map.yaml"
 VERSION = 1
-SHORT = ("storeys", "rooms", "doors", "things")
-FULL: dict[str, Callable[[Node, Draft], None]] = {
-    "concepts": sections_of.read_concepts,
-    "frames": sections_of.read_frames,
-    "blueprints": lambda node, draft: sections_of.read_descriptions(node, draft, is_shared=True),
-    "descriptions": lambda node, draft: sections_of.read_descriptions(node, draft, is_shared=False),
-    "instances": sections_of.read_instances,
-    "queries": sections_of.read_queries,
-    "rules": sections_of.read_rules,
-    "grids": sections_of.read_grids,
+ReadEntry: TypeAlias = Callable[[str, Node, Draft], None]
+FULL: dict[str, ReadEntry] = {
+    "concepts": sections_of.read_concept,
+    "frames": sections_of.read_frame,
+    "blueprints": partial(sections_of.read_description, is_shared=True),
+    "descriptions": partial(sections_of.read_description, is_shared=False),
+    "instances": sections_of.read_instance,
+    "queries": sections_of.read_query,
+    "rules": sections_of.read_rule,
+    "grids": sections_of.read_grid_of_map,
+}
+SHORT: dict[str, ReadEntry] = {
+    "storeys": map_short.read_storey,
+    "rooms": map_short.read_room,
+    "doors": map_short.read_door,
+    "things": map_short.read_thing,
 }
 HEAD = ("semap_map", "map", "cell_m", "anchor")
-SHAPE: Shape = (
-    dict.fromkeys(HEAD)
-    | {key: {ANY_KEY: None} for key in (*FULL, *SHORT)}
-    | {
-        "storeys": {ANY_KEY: dict.fromkeys(STOREY_FIELDS)},
-        "rooms": {ANY_KEY: dict.fromkeys(THING_FIELDS)},
-        "doors": {ANY_KEY: dict.fromkeys(DOOR_FIELDS)},
-        "things": {ANY_KEY: dict.fromkeys(THING_FIELDS)},
-        "frames": {ANY_KEY: dict.fromkeys(sections_of.FRAME_FIELDS)},
-        "instances": {ANY_KEY: dict.fromkeys(sections_of.INSTANCE_FIELDS)},
-    }
-)
+
+
+def _version(node: Node) -> None:
+    if node.whole() != VERSION:
+        raise node.wrong(f"the format is of version {node.source}", f"This semap reads version {VERSION}.")
+
+
+VALUES: dict[str, Callable[[Node], object]] = {
+    "semap_map": _version,
+    "cell_m": Node.positive,
+    "anchor": sections_of.read_anchor,
+    "elevation_m": Node.number,
+    "height_m": Node.positive,
+    "width_m": Node.positive,
+    "yaw_deg": Node.number,
+    **dict.fromkeys(("map", "concept", "alias", "storey", "on", "blueprint", "mesh"), Node.text),
+    **dict.fromkeys(("frame", "parent", "description"), Node.text),
+    "uid": Node.uid,
+}
+"""What is read one way wherever it stands."""
+
+
+def _fields(keys: Iterable[str]) -> Shape:
+    return {key: VALUES.get(key) for key in keys}
+
+
+SHAPE: Shape = _fields(HEAD) | {
+    "concepts": {ANY_KEY: _fields(sections_of.CONCEPT_FIELDS)},
+    "blueprints": {ANY_KEY: _fields(sections_of.LOOK_FIELDS)},
+    "descriptions": {ANY_KEY: _fields(sections_of.LOOK_FIELDS)},
+    "queries": {ANY_KEY: _fields(sections_of.QUERY_FIELDS)},
+    "rules": {ANY_KEY: _fields(sections_of.RULE_FIELDS)},
+    "grids": {ANY_KEY: Node.text},
+    "storeys": {ANY_KEY: _fields(map_short.STOREY_FIELDS)},
+    "rooms": {ANY_KEY: _fields(map_short.THING_FIELDS)},
+    "doors": {ANY_KEY: _fields(map_short.DOOR_FIELDS)},
+    "things": {ANY_KEY: _fields(map_short.THING_FIELDS)},
+    "frames": {ANY_KEY: _fields(sections_of.FRAME_FIELDS)},
+    "instances": {ANY_KEY: _fields(sections_of.INSTANCE_FIELDS)},
+}
 
 DEFAULT_QUERY = QueryEntry("track_in_room", "contains", "Room")
 DEFAULT_RULE = RuleEntry(
@@ -56,37 +93,32 @@ DEFAULT_RULE = RuleEntry(
 """What every new map starts with, also one from a file that speaks of neither queries nor rules."""
 
 
+@uncollected()
 def read_map(path: Path) -> MapDocument:
     """Read a map from its folder, or from its YAML file.
 
-    raises  NotFound if there is no such file; TooLarge; InvalidInput, naming file, line and column, for what
-            the format does not know, a name that is used but not given or given twice, a path that leaves
-            the folder
+    raises  NotFound if there is no such file; TooLarge; InvalidInput, naming file, lines and columns, for
+            what the format does not know, a name that is used but not given or given twice, a path that
+            leaves the folder
     """
     file = path / FILE if path.is_dir() else path
     if not file.is_file():
         raise NotFound("map", path, f"Give a folder with a {FILE}, or a .yaml file.")
-    root = parse_yaml(read_bytes(file), str(file), SHAPE)
-    fields = root.fields((*HEAD, *FULL, *SHORT))
-    if "semap_map" in fields and fields["semap_map"].whole() != VERSION:
-        raise fields["semap_map"].wrong(
-            f"the format is of version {fields['semap_map'].source}", f"This semap reads version {VERSION}."
-        )
-    if "map" not in fields:
-        raise root.wrong("`map` is missing", "Write `map: NAME` first.")
-    draft = Draft(file.parent)
-    for key, read in FULL.items():
-        if key in fields:
-            read(fields[key], draft)
+    root = parse_yaml(read_bytes(file), str(file), SHAPE, {"map": "Write `map: NAME` first."})
+    fields = root.fields(SHAPE)
+    draft = Draft(file.parent, fields["rules"].mapping().keys() if "rules" in fields else ())
+    for key in filter(fields.__contains__, FULL):
+        draft.read(fields[key], FULL[key])
     if ("frame", ROOT) not in draft.places:
         draft.given("frame", ROOT, root)
         draft.frames.insert(0, FrameEntry(ROOT, None))
-    standing_on = read_short_form(fields, draft)
+    for key in filter(fields.__contains__, SHORT):
+        draft.read(fields[key], SHORT[key])
     if not {"queries", "rules"} & root.mapping().keys():
         draft.queries.append(DEFAULT_QUERY)
         draft.rules.append(DEFAULT_RULE)
-    draft.check()
-    draft.inherit_storeys(standing_on)
+    draft.check(str(file))
+    draft.inherit_storeys()
     return MapDocument(
         name=fields["map"].text(),
         cell_m=fields["cell_m"].positive() if "cell_m" in fields else 4.0,

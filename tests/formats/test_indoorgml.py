@@ -330,6 +330,15 @@ def test_what_is_no_indoorgml_is_refused(text: str, message: str) -> None:
     assert refusal.value.remedy
 
 
+def test_all_cells_that_are_wrong_are_told_at_once() -> None:
+    bent = [cell(key, key, polygon([(0, 0, key), (1, 0, 0), (1, 1, 0)])) for key in "xyz"]
+    with pytest.raises(InvalidInput) as refusal:
+        building_of(cell("a", "A", box(0, 0, 0, 4, 3, 2)), *bent)
+    first, *lines = str(refusal.value).splitlines()
+    assert first == "f.gml: 3 cells are wrong:"
+    assert ["no number" in line for line in lines] == [True] * 3
+
+
 SOUND = (
     HEAD + cell("a", "A", box(0, 0, 0, 4, 3, 2)) + cell("b", "B", box(4, 0, 0, 4, 3, 2)) + state("a") + state("b")
     + way("t", "a", "b", "1 1 1 4 1 1 6 1 1") + "</IndoorFeatures>"

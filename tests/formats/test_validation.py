@@ -184,3 +184,25 @@ def test_every_import_reports_them(tmp_path: Path) -> None:
     path = tmp_path / "plan.geojson"
     path.write_text(f'{{"type": "FeatureCollection", "features": [{features}]}}')
     assert [finding.subject for finding in read_building(path).findings] == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("member", "kind"), [("name", "thing"), ("concept", "concept"), ("storey", "storey")]
+)
+def test_names_that_no_index_takes_are_refused(tmp_path: Path, member: str, kind: str) -> None:
+    ring = [[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]
+
+    def plan(length: int) -> Path:
+        feature = {
+            "type": "Feature",
+            "properties": {"name": "den", member: length * "x"},
+            "geometry": {"type": "Polygon", "coordinates": [ring]},
+        }
+        path = tmp_path / f"{length}.geojson"
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+        return path
+
+    assert read_building(plan(200)).items
+    with pytest.raises(InvalidInput, match=f"the {kind} 'x+'... has a name of 201 characters") as refusal:
+        read_building(plan(201))
+    assert refusal.value.remedy == "Choose one of at most 200."

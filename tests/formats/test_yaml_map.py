@@ -225,6 +225,9 @@ THING = "map: m\nthings:\n  t: {concept: Table, %s}\n"
         ("map: m\ndescriptions: {d: {geometries: {g: {type: POINT2D, z_m: §[0, 1]}}}}\n", "no heights", "POLYGON2D"),
         ("map: m\ndescriptions: {d: {geometries: {g: §{type: POLYGON2D}}}}\n", "`polygon` is missing", "needs it"),
         ("map: m\nframes: {a: {poses: [{stamp: §2026-01-31}]}}\n", "no stamp", "2026-01-31T12:00:00Z"),
+        (f"map: m\nrooms:\n  ? {201 * 'x'}\n  : §{{}}\n", "a name of 201 characters", "at most 200"),
+        (f"map: m\nthings: {{a: §{{concept: {201 * 'x'}}}}}\n", "a name of 201 characters", "at most 200"),
+        (f"map: m\nframes: {{f: {{}}}}\ninstances: {{a: {{frame: f, concept: §{201 * 'x'}}}}}\n", "a name of 201", "at most 200"),
         ("semap_map: §2\nmap: m\n", "version 2", "version 1"),
         ("§cell_m: 2\n", "`map` is missing", "map: NAME"),
         ("§- map\n", "a mapping is needed", "key: value"),
@@ -301,6 +304,97 @@ def test_a_wrong_file_is_refused_where_it_goes_wrong_and_not_read_to_its_end(
     # what follows is no YAML at all, which a reader of the whole file would have to say first
     with pytest.raises(InvalidInput, match=message):
         read_map(written(tmp_path, text + "\n}]: @\n"))
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
+    text = "map: m\nrooms:\n  a: {hight_m: 2, uid: 7}\n  b: {height_m: low}\n  a: {}\n  c: 3\n"
+    file = tmp_path / "map.yaml"
+    with pytest.raises(InvalidInput) as refusal:
+        read_map(written(tmp_path, text))
+    assert str(refusal.value).splitlines() == [
+        f"{file}: 5 places are wrong:",
+        f"  {file}:3:7: there is no key 'hight_m' here",
+        f"  {file}:3:24: '7' is not a UUID",
+        f"  {file}:4:17: low is not a number",
+        f"  {file}:5:3: the key 'a' is there twice (before: {file}:3:3)",
+        f"  {file}:6:6: a mapping is needed here",
+    ]
+
+
+def test_a_file_of_another_kind_is_not_read_to_its_end(tmp_path: Path) -> None:
+    keys = "".join(f"key {n}: 1\n" for n in range(100))
+    with pytest.raises(InvalidInput) as refusal:
+        # what follows is no YAML at all
+        read_map(written(tmp_path, keys + "}]: @\n"))
+    first, *lines = str(refusal.value).splitlines()
+    assert first == f"{tmp_path / 'map.yaml'}: 20 places at least are wrong:"
+    assert lines == [
+        f"  {tmp_path / 'map.yaml'}:{n + 1}:1: there is no key 'key {n}' here" for n in range(20)
+    ]
+
+
+def test_all_entries_and_names_that_are_wrong_are_told_at_once(tmp_path: Path) -> None:
+    file = tmp_path / "map.yaml"
+    bent = "".join(f"  r{n:02}: {{footprint: [[0, 0], [2, 2], [2, 0], [0, 2]]}}\n" for n in range(25))
+    with pytest.raises(InvalidInput) as refusal:
+        read_map(written(tmp_path, f"map: m\nthings:\n  t: {{}}\nrooms:\n{bent}"))
+    first, *lines, last = str(refusal.value).splitlines()
+    assert (first, last) == (f"{file}: 26 entries are wrong:", "  and 6 more")
+    assert lines[0] == f"  {file}:3:6: `concept` is missing"
+    assert [line.split(": ")[0] for line in lines[1:]] == [f"  {file}:{5 + n}:20" for n in range(19)]
+    doors = "doors:\n  d: {between: [hal, kitchen]}\n  e: {between: [hall, bath]}\n"
+    with pytest.raises(InvalidInput) as refusal:
+        read_map(written(tmp_path, f"map: m\nrooms: {{hall: {{}}}}\n{doors}"))
+    assert str(refusal.value).splitlines() == [
+        f"{file}: 3 names are wrong:",
+        f"  {file}:4:17: there is no instance 'hal' on this map",
+        f"  {file}:4:22: there is no instance 'kitchen' on this map",
+        f"  {file}:5:23: there is no instance 'bath' on this map",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("last", "message"),
+    [
+        ("  last: {hieght_m: 2}", "no key 'hieght_m'"),
+        ("  last: [1, 2]", "a mapping is needed"),
+        ("  last: {height_m: high}", "high is not a number"),
+        ("  room 0: {}", "is there twice"),
+        ("  last: {uid: x}", "not a UUID"),
+        ("romos: {}", "no key 'romos'"),
+        ("semap_map: 9", "version 9"),
+        ("instances: {i: {colour: red}}", "no key 'colour'"),
+    ],
+)
+def test_a_large_file_that_is_wrong_near_its_end_is_refused_before_its_lists_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str, message: str
+) -> None:
+    outline = "[[0, 0], [4, 0], [4, 3], [0, 3]]"
+    lines = ["map: m", "rooms:", *(f"  room {n}: {{footprint: {outline}}}" for n in range(20_000)), last]
+    made: list[Node] = []
+    monkeypatch.setattr(yaml_node, "Node", lambda *parts: made.append(Node(*parts)) or made[-1])
+    with pytest.raises(InvalidInput, match=rf"map.yaml:20003:\d+: .*{message}"):
+        read_map(written(tmp_path, "\n".join(lines)))
+    # an entry and its outline: the points would be thirteen more
+    assert len(made) < 3 * 20_000
+
+
+@given(st.text("[]{}:, 12e-\n'\"a#|&*\ue000\ue003", max_size=40), st.booleans())
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+def test_a_large_file_is_read_as_a_small_one(text: str, is_attribute: bool) -> None:
+    head = "map: m\nthings:\n  t:\n    concept: A\n    "
+    text = head + (f"attributes: {{k: {text}}}\n" if is_attribute else f"{text}\n")
+
+    def read(limit: int) -> object:
+        with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+            patch.setattr(yaml_node, "LARGE_BYTES", limit)
+            (Path(folder) / "map.yaml").write_text(text)
+            try:
+                return content(read_map(Path(folder)))
+            except InvalidInput:
+                return None
+
+    assert read(0) == read(10**9)
 
 
 def test_aliases_repeat_a_little_and_bombs_are_refused() -> None:

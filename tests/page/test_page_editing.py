@@ -44,6 +44,32 @@ def test_draw_a_room_and_take_it_back(plan: Plan, office: Office) -> None:
     assert len({each["author"] for each in changes[:3]}) == 1
 
 
+@pytest.mark.parametrize("way", ["undo", "delete"])
+def test_what_is_taken_away_is_not_read_meanwhile(plan: Plan, office: Office, way: str) -> None:
+    page = plan.page
+    draw(plan, [(6, 6.4), (8, 6.4), (8, 9), (6, 9)])
+    page.get_by_role("button", name="Make the room").click()
+    form = page.get_by_role("form", name="Edit Room 1")
+    expect(form).to_be_visible()
+    expect(page.get_by_role("button", name="Undo: make the Room Room 1")).to_be_enabled()
+    address = f"/instances/{office.instance('Room 1')['id']}"
+    # Never answered: an answer would come after the room is gone.
+    page.route(f"**{address}", lambda route: None if route.request.method == "GET" else route.continue_())
+    with page.expect_request(f"**{address}"):
+        others = office.instance("lab")["id"]
+        assert httpx.patch(f"{office.url}/instances/{others}", json={"alias": "Theirs"}).is_success
+    with page.expect_event("requestfailed", lambda request: request.url.endswith(address)):
+        if way == "undo":
+            page.locator("#stage").focus()
+            page.keyboard.press("Control+z")
+        else:
+            form.get_by_role("button", name="Delete").click()
+            page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    said = "Done: undo: make the Room Room 1." if way == "undo" else "Room 1 is deleted."
+    expect(page.get_by_text(said)).to_be_visible()
+    assert "Room 1" not in office.names()
+
+
 def test_corners_keep_to_what_is_there(plan: Plan, office: Office) -> None:
     draw(plan, [(14.08, 0.07), (16, 0.05), (16, 3.93), (14.07, 4.08)])
     plan.page.get_by_role("button", name="Make the room").click()

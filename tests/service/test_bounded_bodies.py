@@ -121,11 +121,12 @@ def _count(value: object) -> int:
     return 1 + sum(_count(each) for each in inside)
 
 
-@given(VALUES, st.integers(1, 80))
-def test_values_are_counted_and_texts_are_not(value: object, most: int) -> None:
+@given(VALUES, st.integers(1, 80), st.integers(1, 5))
+def test_values_are_counted_and_texts_are_not(value: object, most: int, at_once: int) -> None:
     """Never fewer than there are are let through as more; what texts hold does not count."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("semap_service.documents.json_values.MOST_VALUES", most)
+        patched.setattr("semap_service.documents.json_values.TEXTS_AT_ONCE", at_once)
         try:
             require_few_values(json.dumps(value, ensure_ascii=False).encode())
         except TooLarge:

@@ -1,3 +1,4 @@
+import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { InstanceDocument, Problem } from "../documents";
@@ -17,16 +18,26 @@ interface InstanceFormProps {
   drawing: Drawing;
   id: number;
   concepts: readonly ConceptChoice[];
+  isUndoing: boolean;
 }
 
-export function InstanceForm({ app, drawing, id, concepts }: InstanceFormProps) {
+const isDeleting = signal(false);
+
+export function InstanceForm({ app, drawing, id, concepts, isUndoing }: InstanceFormProps) {
   const map = app.state.map.value;
-  const { value, problem, reload } = useResource(() => readInstance(app.api, id), [id]);
   const thing = map?.byId.get(id) ?? null;
+  const isGone = map !== null && thing === null;
+  // What is being taken away here would be read in vain, which the browser tells as an error.
+  const isWanted = !isGone && !isUndoing && !isDeleting.value;
+  const { value, problem, reload } = useResource(
+    (signal) => readInstance(app.api, id, signal),
+    [id],
+    isWanted,
+  );
+  if (isGone) return <p class="soft">It is no longer on the map.</p>;
   if (value === null) {
     return problem ? <ProblemNote problem={problem} retry={reload} /> : <p class="soft">Loading…</p>;
   }
-  if (map !== null && thing === null) return <p class="soft">It is no longer on the map.</p>;
   return (
     <Loaded
       key={id}
@@ -303,12 +314,14 @@ async function removeWith(
   carried: Carried,
   tell: (problem: Problem) => void,
 ) {
+  isDeleting.value = true;
   try {
     await deleteInstance(app.api, read.body, read.etag, carried);
     app.state.selection.value = null;
     app.announce(`${read.body.name} is deleted.`);
     await app.reloadMap();
   } catch (error) {
+    isDeleting.value = false;
     const problem = problemOf(error);
     if (problem.status !== 409 || carried !== "refuse") {
       if (isConflict(error)) await app.reloadMap();
@@ -323,5 +336,7 @@ async function removeWith(
       ],
     });
     if (chosen !== null) await removeWith(app, read, chosen, tell);
+  } finally {
+    isDeleting.value = false;
   }
 }

@@ -70,7 +70,14 @@ function OnMap({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) 
       {isDrawn && <NewThing key={draft.kind} app={app} drawing={drawing} concepts={concepts} draft={draft} />}
       {draft && !isDrawn && <ChangedShape drawing={drawing} draft={draft} />}
       {draft === null && selection?.kind === "instance" && (
-        <InstanceForm key={selection.id} app={app} drawing={drawing} id={selection.id} concepts={concepts} />
+        <InstanceForm
+          key={selection.id}
+          app={app}
+          drawing={drawing}
+          id={selection.id}
+          concepts={concepts}
+          isUndoing={log.isUndoing.value}
+        />
       )}
       {draft === null && selection?.kind !== "instance" && (
         <p class="soft">Choose a room, a door or a thing on the map to change it, or draw a new one.</p>

@@ -13,8 +13,8 @@ function signed(message: string): { message: string; headers: Record<string, str
   return { message, headers: { "Semap-Author": inHeader(author()) } };
 }
 
-export function readInstance(api: Api, id: number): Promise<Answer<InstanceDocument>> {
-  return api.send<InstanceDocument>("GET", path`/instances/${id}`);
+export function readInstance(api: Api, id: number, signal?: AbortSignal): Promise<Answer<InstanceDocument>> {
+  return api.send<InstanceDocument>("GET", path`/instances/${id}`, signal ? { signal } : {});
 }
 
 export async function createInstance(api: Api, map: string, made: NewInstance): Promise<InstanceDocument> {

@@ -1,6 +1,6 @@
 /** Something that a panel reads from the service: being read, there, or not to be had. */
 
-import { useCallback, useEffect, useRef, useState } from "preact/hooks";
+import { useCallback, useLayoutEffect, useRef, useState } from "preact/hooks";
 
 import type { Problem } from "../documents";
 import { problemOf } from "./problem";
@@ -13,10 +13,14 @@ export interface Resource<T> {
   reload(): void;
 }
 
-/** Reads at first, whenever one of `causes` changes, and when asked to; an older answer never overtakes. */
+/**
+ * Reads at first, whenever one of `causes` changes, and when asked to; an older answer never overtakes.
+ * While it is not wanted, nothing is read, and what was being read is given up at once.
+ */
 export function useResource<T>(
   read: (signal: AbortSignal) => Promise<T>,
   causes: readonly unknown[],
+  isWanted = true,
 ): Resource<T> {
   const [found, setFound] = useState<Omit<Resource<T>, "reload">>({
     value: null,
@@ -26,8 +30,9 @@ export function useResource<T>(
   const [round, setRound] = useState(0);
   const latest = useRef(read);
   latest.current = read;
-  useEffect(() => setFound({ value: null, isLoading: true, problem: null }), causes);
-  useEffect(() => {
+  useLayoutEffect(() => setFound({ value: null, isLoading: true, problem: null }), causes);
+  useLayoutEffect(() => {
+    if (!isWanted) return;
     const stop = new AbortController();
     setFound((before) => ({ ...before, isLoading: true }));
     latest.current(stop.signal).then(
@@ -40,7 +45,7 @@ export function useResource<T>(
       },
     );
     return () => stop.abort();
-  }, [...causes, round]);
+  }, [...causes, round, isWanted]);
   const reload = useCallback(() => setRound((before) => before + 1), []);
   return { ...found, reload };
 }
