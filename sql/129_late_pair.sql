@@ -297,7 +297,7 @@ declare
 begin
   select array_agg(track_id order by stamp, track_id), array_agg(stamp order by stamp, track_id)
   into v_ids, v_stamps
-  from (select distinct l.track_id, l.stamp from unnest(p_late) l
+  from (select distinct l.track_id, l.stamp from semap.states_of(p_late) l
         where exists (select from semap.pair_track_wanted w where w.track_id = l.track_id
                       and w.query_id = any (v_query_ids))) l;
   while cardinality(v_ids) > 0 loop

@@ -78,7 +78,7 @@ language plpgsql as $$
 begin
   update semap.source set late_states = late_states + cardinality(p_late) where source_id = p_source_id;
   update semap.track_now t set first_stamp = n.stamp
-  from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
+  from (select track_id, min(stamp) as stamp from semap.states_of(p_late) group by track_id) n
   where t.track_id = n.track_id and n.stamp < t.first_stamp;
 end $$;
 

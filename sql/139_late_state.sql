@@ -278,7 +278,7 @@ begin
   for v_track in
     select n as now, l.seen_stamp, l.stamps
     from (select track_id, max(seen_stamp) as seen_stamp, array_agg(distinct stamp order by stamp) as stamps
-          from unnest(p_late) group by track_id) l
+          from unnest(p_late) a cross join lateral (select (a.state).*) s group by track_id) l
     join semap.track_now n using (track_id)
     order by track_id
   loop
