@@ -48,6 +48,31 @@ language sql immutable strict parallel safe as $$
     from unnest(p_stamps) with ordinality u (stamp, place)) o
 $$;
 
+-- A state of which little is known.
+create or replace function semap.new_state(
+  track_id bigint, stamp timestamptz, x_m double precision default null, y_m double precision default null,
+  is_last boolean default false
+) returns semap.track_state
+language plpgsql immutable parallel safe as $$
+declare
+  v_state  semap.track_state;
+begin
+  v_state.track_id := track_id;
+  v_state.stamp := stamp;
+  v_state.x_m := x_m;
+  v_state.y_m := y_m;
+  v_state.is_last := is_last;
+  return v_state;
+end $$;
+
+-- A state as the last one of its track.
+create or replace function semap.as_last(p_state semap.track_state) returns semap.track_state
+language plpgsql immutable parallel safe as $$
+begin
+  p_state.is_last := true;
+  return p_state;
+end $$;
+
 -- A chunk of states, of what is known of them.
 create or replace function semap.new_chunk(
   source_id integer, from_stamp timestamptz, to_stamp timestamptz, x_m double precision[], y_m double precision[],

@@ -38,7 +38,7 @@ begin
         and (k.track_id, e.stamp) not in (table left_out)
       group by k.track_id
     )
-    select array_agg(semap.state_of(a) order by (a).stamp, (a).track_id)
+    select array_agg(a order by a.stamp, a.track_id)
     from taking_part t
     join kept k on k.track_id = (t.present).track_id
     left join ended e on e.track_id = k.track_id
@@ -46,8 +46,8 @@ begin
       t.source,
       array(select s from unnest(k.states) s where s.stamp <= (t.present).stamp), t.present, k.first_stamp > p_from,
       e.stamps || array(select (t.present).stamp where not (t.present).live and (t.present).stamp <= p_to), p_to) g
-    cross join lateral unnest(g.arrivals) a
-    where (a).stamp > p_from or (a).stamp = (select max(stamp) from unnest(g.arrivals) where stamp <= p_from));
+    cross join lateral semap.states_of(g.arrivals) a
+    where a.stamp > p_from or a.stamp = (select max(stamp) from semap.states_of(g.arrivals) where stamp <= p_from));
 end $$;
 
 -- What held at a moment between any two of these things, by the log.

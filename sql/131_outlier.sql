@@ -2,6 +2,21 @@
 -- last one is set aside: it moves nothing. If the next state fits to it rather than to what was before, the track did
 -- jump, and is there from that state on; if not, it was an outlier, and is counted.
 
+-- A state, and what was known of its track before it.
+create or replace function semap.new_arrival(
+  state semap.track_state, source_id integer, map_id integer, cell_m double precision, live boolean,
+  seen_stamp timestamptz default null, from_x_m double precision default null, from_y_m double precision default null,
+  from_z_m double precision default null, region_ids integer[] default '{}', outlier_stamp timestamptz default null
+) returns semap.arrival
+language sql immutable parallel safe as $$
+  select row(state, source_id, map_id, cell_m, live, seen_stamp, from_x_m, from_y_m, from_z_m, region_ids,
+             outlier_stamp)::semap.arrival
+$$;
+
+-- The states of these state updates.
+create or replace function semap.states_of(p_arrivals semap.arrival[]) returns setof semap.track_state
+language sql immutable parallel safe rows 100 as $$ select (a.state).* from unnest(p_arrivals) a $$;
+
 -- Whether one place can follow on another, some time later.
 create or replace function semap.can_follow(
   p_source semap.source, p_gap interval, p_dx_m double precision, p_dy_m double precision
@@ -17,14 +32,15 @@ language plpgsql immutable parallel safe as $$ -- which keeps its plan
 begin
   return exists (
     select from (
-      select x_m - lag(x_m, 1, case when live then from_x_m end) over one_track as dx_m,
-             y_m - lag(y_m, 1, case when live then from_y_m end) over one_track as dy_m
-      from unnest(p_arrivals) window one_track as (partition by track_id order by stamp)) step
+      select s.x_m - lag(s.x_m, 1, case when a.live then a.from_x_m end) over one_track as dx_m,
+             s.y_m - lag(s.y_m, 1, case when a.live then a.from_y_m end) over one_track as dy_m
+      from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+      window one_track as (partition by s.track_id order by s.stamp)) step
     where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2);
 end $$;
 
 -- Keep with a track what was set aside of it, or that nothing is. It is looked up at its next state.
-create or replace function semap.set_aside(p_track_id bigint, p_state semap.arrival) returns void
+create or replace function semap.set_aside(p_track_id bigint, p_state semap.track_state) returns void
 language sql as $$
   update semap.track_now
   set outlier_stamp = (p_state).stamp, outlier_x_m = (p_state).x_m, outlier_y_m = (p_state).y_m,
@@ -36,33 +52,37 @@ $$;
 -- track (a stamp that is null: nothing), and how many were outliers. A track whose last state does not pass ends where
 -- it was. p_asides: what was set aside of tracks before.
 create or replace function semap.gate(
-  p_source semap.source, p_arrivals semap.arrival[], p_asides semap.arrival[],
-  out passed semap.arrival[], out asides semap.arrival[], out outliers bigint
+  p_source semap.source, p_arrivals semap.arrival[], p_asides semap.track_state[],
+  out passed semap.arrival[], out asides semap.track_state[], out outliers bigint
 )
 language plpgsql immutable as $$
 declare
-  v_state   semap.arrival;
-  v_before  semap.arrival;
-  v_aside   semap.arrival;
-  v_passes  boolean;
+  v_arrival  semap.arrival;
+  v_state    semap.track_state;
+  v_before   semap.track_state;
+  v_aside    semap.track_state;
+  v_lives    boolean;
+  v_passes   boolean;
 begin
   outliers := 0;
-  for v_state in select * from unnest(p_arrivals) order by track_id, stamp loop
+  for v_arrival in select * from unnest(p_arrivals) a order by (a.state).track_id, (a.state).stamp loop
+    v_state := v_arrival.state;
     if v_before.track_id is distinct from v_state.track_id then
       if v_before.track_id is not null then
         v_aside.track_id := v_before.track_id;
         asides := asides || v_aside;
       end if;
+      v_lives := v_arrival.live;
       v_before := v_state;
-      v_before.stamp := v_state.seen_stamp;
-      v_before.x_m := v_state.from_x_m;
-      v_before.y_m := v_state.from_y_m;
-      v_before.z_m := v_state.from_z_m;
+      v_before.stamp := v_arrival.seen_stamp;
+      v_before.x_m := v_arrival.from_x_m;
+      v_before.y_m := v_arrival.from_y_m;
+      v_before.z_m := v_arrival.from_z_m;
       v_aside := null;
       select * into v_aside from unnest(p_asides) where track_id = v_state.track_id;
     end if;
     -- where nobody knows where it was, it may come from anywhere
-    v_passes := case when v_before.live and v_before.x_m is not null then semap.can_follow(
+    v_passes := case when v_lives and v_before.x_m is not null then semap.can_follow(
       p_source, v_state.stamp - v_before.stamp, v_state.x_m - v_before.x_m, v_state.y_m - v_before.y_m) else true end;
     if v_aside.stamp < v_state.stamp then
       if not v_passes and semap.can_follow(p_source, v_state.stamp - v_aside.stamp,
@@ -81,9 +101,10 @@ begin
       v_passes := true;
     end if;
     if v_passes then
-      passed := passed || v_state;
+      v_arrival.state := v_state;
+      passed := passed || v_arrival;
       v_before := v_state;
-      v_before.live := not v_state.is_last;
+      v_lives := not v_state.is_last;
     else
       v_aside := v_state;
     end if;
@@ -100,11 +121,8 @@ declare
   v_gate  record;
 begin
   select * into v_gate from semap.gate(p_source, p_arrivals, array(
-    select row(track_id, outlier_stamp, outlier_x_m, outlier_y_m, null, null, null, null, null, null, null, null, null,
-               null,
-               null, null, null, null, null, null, null, null, null)::semap.arrival
-    from semap.track_now
-    where outlier_stamp is not null and track_id in (select track_id from unnest(p_arrivals))));
+    select semap.new_state(track_id, outlier_stamp, outlier_x_m, outlier_y_m) from semap.track_now
+    where outlier_stamp is not null and track_id in (select track_id from semap.states_of(p_arrivals))));
   perform semap.set_aside(track_id, a) from unnest(v_gate.asides) a;
   if v_gate.outliers > 0 then
     update semap.source set outliers = outliers + v_gate.outliers where source_id = (p_source).source_id;

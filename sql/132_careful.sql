@@ -73,10 +73,10 @@ language plpgsql stable as $$ -- which keeps its plan
 begin
   return (
     with arrival as (
-      select a.*, lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m,
-             lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m
-      from unnest(p_arrivals) a
-      window one_track as (partition by a.track_id order by a.stamp)
+      select s.*, a.map_id, lag(s.x_m, 1, a.from_x_m) over one_track as before_x_m,
+             lag(s.y_m, 1, a.from_y_m) over one_track as before_y_m
+      from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+      window one_track as (partition by s.track_id order by s.stamp)
     ), track as (
       select a.track_id, a.map_id, n.careful_ids,
              public.st_expand(public.st_makeenvelope(
@@ -115,13 +115,13 @@ returns table (
 )
 language sql stable as $$
   with arrival as (
-    select a.*, lag(a.stamp, 1, a.seen_stamp) over one_track as before_stamp,
-           lag(a.x_m, 1, a.from_x_m) over one_track as before_x_m,
-           lag(a.y_m, 1, a.from_y_m) over one_track as before_y_m,
-           lag(a.z_m, 1, a.from_z_m) over one_track as before_z_m,
-           lag(a.is_last, 1, not a.live) over one_track as appears
-    from unnest(p_arrivals) a
-    window one_track as (partition by a.track_id order by a.stamp)
+    select s.*, lag(s.stamp, 1, a.seen_stamp) over one_track as before_stamp,
+           lag(s.x_m, 1, a.from_x_m) over one_track as before_x_m,
+           lag(s.y_m, 1, a.from_y_m) over one_track as before_y_m,
+           lag(s.z_m, 1, a.from_z_m) over one_track as before_z_m,
+           lag(s.is_last, 1, not a.live) over one_track as appears
+    from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+    window one_track as (partition by s.track_id order by s.stamp)
   )
   select c.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
          s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last,
@@ -325,6 +325,6 @@ begin
   end if;
   select f.verges, f.crossings into v_verges, v_crossings
   from semap.follow_steps(p_arrivals, semap.verges_of(p_arrivals)) f;
-  perform semap.keep_verges(v_verges, array(select distinct track_id from unnest(p_arrivals)));
+  perform semap.keep_verges(v_verges, array(select distinct track_id from semap.states_of(p_arrivals)));
   return v_crossings;
 end $$;

@@ -3,11 +3,10 @@
 -- A state with what was known of its track before it.
 create or replace function semap.arrival_of(p_state semap.track_state, p_now semap.track_now) returns semap.arrival
 language sql immutable parallel safe as $$
-  select row((p_state).track_id, (p_state).stamp, (p_state).x_m, (p_state).y_m, (p_state).z_m, (p_state).std_m,
-             (p_state).heading_rad, (p_state).speed_mps, (p_state).length_m, (p_state).width_m, (p_state).is_last,
-             (p_now).source_id, (p_now).map_id, (p_now).cell_m, (p_now).live,
-             (p_now).stamp, (p_now).x_m, (p_now).y_m, (p_now).z_m, (p_now).region_ids, (p_now).outlier_stamp,
-             (p_state).std_across_m, (p_state).std_yaw_rad)::semap.arrival
+  select semap.new_arrival(
+    p_state, source_id => (p_now).source_id, map_id => (p_now).map_id, cell_m => (p_now).cell_m, live => (p_now).live,
+    seen_stamp => (p_now).stamp, from_x_m => (p_now).x_m, from_y_m => (p_now).y_m, from_z_m => (p_now).z_m,
+    region_ids => (p_now).region_ids, outlier_stamp => (p_now).outlier_stamp)
 $$;
 
 -- Refuse a state of a track that nobody knows.
@@ -24,7 +23,7 @@ language plpgsql as $$
 declare
   v_track_id  bigint;
 begin
-  select min(track_id) into v_track_id from unnest(p_arrivals) where source_id is null;
+  select min((a.state).track_id) into v_track_id from unnest(p_arrivals) a where source_id is null;
   if v_track_id is not null then
     perform semap.refuse_unknown(v_track_id);
   end if;
@@ -40,9 +39,10 @@ declare
   v_crossings  semap.crossing[];
 begin
   with located as (
-    select a.*, g.region_ids as here_ids, g.z_min_m as calm_z_min_m, g.z_max_m as calm_z_max_m
-    from unnest(p_arrivals) a
-    cross join lateral semap.regions_at(a.map_id, a.cell_m, a.x_m, a.y_m, a.z_m) g
+    select s.*, a.map_id, a.cell_m, a.live, a.region_ids, g.region_ids as here_ids, g.z_min_m as calm_z_min_m,
+           g.z_max_m as calm_z_max_m
+    from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+    cross join lateral semap.regions_at(a.map_id, a.cell_m, s.x_m, s.y_m, s.z_m) g
   ), stepped as (
     select *, lag(is_last, 1, not live) over one_track as appears,
            lead(stamp) over one_track is null as is_present, first_value(stamp) over one_track as first_stamp,
@@ -79,12 +79,3 @@ begin
   into v_crossings from crossed;
   return v_crossings;
 end $$;
-
--- The state of a state update, without what was known before it.
-create or replace function semap.state_of(p_arrival semap.arrival) returns semap.track_state
-language sql immutable parallel safe as $$
-  select row(p_arrival.track_id, p_arrival.stamp, p_arrival.x_m, p_arrival.y_m, p_arrival.z_m, p_arrival.std_m,
-             p_arrival.is_last,
-             p_arrival.heading_rad, p_arrival.speed_mps, p_arrival.length_m, p_arrival.width_m, p_arrival.std_across_m,
-             p_arrival.std_yaw_rad)::semap.track_state
-$$;

@@ -38,9 +38,10 @@ set plan_cache_mode = force_generic_plan set enable_mergejoin = off set random_p
 begin
   -- arrivals as semap.arrival_of makes them, which would make rows of all that is compared
   select count(*), count(distinct n.track_id),
-         array_agg(row(n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, n.heading_rad, n.speed_mps, n.length_m,
-                       n.width_m, n.is_last, t.source_id, t.map_id, t.cell_m, t.live, t.stamp, t.x_m, t.y_m, t.z_m,
-                       t.region_ids, t.outlier_stamp, n.std_across_m, n.std_yaw_rad)::semap.arrival) filter (where not (
+         array_agg(semap.new_arrival(
+           n, source_id => t.source_id, map_id => t.map_id, cell_m => t.cell_m, live => t.live, seen_stamp => t.stamp,
+           from_x_m => t.x_m, from_y_m => t.y_m, from_z_m => t.z_m, region_ids => t.region_ids,
+           outlier_stamp => t.outlier_stamp)) filter (where not (
            n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
            and case when n.z_m is null then t.calm_z_min_m is null
                     else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
@@ -71,12 +72,13 @@ begin
   perform set_config('semap.source_is_held', 'on', true);
   if exists (select from unnest(p_passed) where not live) then
     update semap.track k set ended_at = null
-    where k.ended_at is not null and k.track_id in (select track_id from unnest(p_passed) where not live);
+    where k.ended_at is not null
+      and k.track_id in (select (a.state).track_id from unnest(p_passed) a where not a.live);
   end if;
-  if exists (select from unnest(p_passed) where is_last) then
-    update semap.track k set ended_at = a.stamp
-    from unnest(p_passed) a join semap.track_now t using (track_id)
-    where a.is_last and a.stamp = t.stamp and k.track_id = a.track_id;
+  if exists (select from semap.states_of(p_passed) where is_last) then
+    update semap.track k set ended_at = s.stamp
+    from semap.states_of(p_passed) s join semap.track_now t using (track_id)
+    where s.is_last and s.stamp = t.stamp and k.track_id = s.track_id;
   end if;
   perform set_config('semap.source_is_held', 'off', true);
 end $$;
@@ -88,19 +90,19 @@ create or replace function semap.store_states(
 ) returns void
 language plpgsql as $$
 declare
-  v_late      semap.arrival[] := array(select a from unnest(p_found.arrivals) a where a.stamp <= a.seen_stamp);
+  v_late      semap.arrival[] := array(select a from unnest(p_found.arrivals) a where (a.state).stamp <= a.seen_stamp);
   v_arrivals  semap.arrival[] := p_found.arrivals;
   v_is_many   boolean := p_found.tracks < p_found.states;
 begin
   if v_is_many or v_late <> '{}' then
-    perform semap.refuse_repeated(p_chunks, array(select track_id from unnest(v_late)));
+    perform semap.refuse_repeated(p_chunks, array(select track_id from semap.states_of(v_late)));
   end if;
   insert into semap.state_chunk select * from unnest(p_chunks);
   if v_late <> '{}' then
     perform semap.queue_late(p_source, v_late);
   end if;
   if v_is_many or p_is_stale or v_late <> '{}' then
-    v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from unnest(v_arrivals)));
+    v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from semap.states_of(v_arrivals)));
   end if;
   if v_arrivals is null then
     return;

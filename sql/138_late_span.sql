@@ -38,14 +38,14 @@ language plpgsql stable as $$  -- which keeps its plan
 begin
   return (
   with place as (
-    select x_m, y_m from unnest(p_arrivals) where x_m is not null
+    select x_m, y_m from semap.states_of(p_arrivals) where x_m is not null
   ), way as (
     select public.st_makeline(array_agg(public.st_point(x_m, y_m))) as line,
            (select coalesce(max(leave_margin_m), 0) + 0.001 from semap.continuous_query where map_id = p_map_id)
              as wide_m
-    from (select x_m, y_m from unnest(p_arrivals) where x_m is not null order by stamp) p
+    from (select x_m, y_m from semap.states_of(p_arrivals) where x_m is not null order by stamp) p
   ), span as (
-    select min(stamp) as first_stamp, max(stamp) as last_stamp from unnest(p_arrivals)
+    select min(stamp) as first_stamp, max(stamp) as last_stamp from semap.states_of(p_arrivals)
   ), concerned as (
     select c.region_id
     from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y
@@ -94,20 +94,20 @@ create or replace function semap.arrivals_again(
 language plpgsql stable as $$
 begin
   with stated as (
-    select distinct on (s.stamp) s.* from unnest(p_states) s order by s.stamp
+    select distinct on (s.stamp) s.stamp, s as state from unnest(p_states) s order by s.stamp
   )
-  select array_agg(row((p_now).track_id, e.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m,
-                       s.width_m, coalesce(s.is_last, false) or e.stamp = any (p_ends), (p_now).source_id,
-                       (p_now).map_id,
-                       (p_now).cell_m, not p_is_first, '-infinity', null, null, null, '{}', null,
-                       s.std_across_m, s.std_yaw_rad)::semap.arrival
+  select array_agg(semap.new_arrival(
+                     case when s.stamp is null then semap.new_state((p_now).track_id, e.stamp, is_last => true)
+                          when e.stamp = any (p_ends) then semap.as_last(s.state) else s.state end,
+                     source_id => (p_now).source_id, map_id => (p_now).map_id, cell_m => (p_now).cell_m,
+                     live => not p_is_first, seen_stamp => '-infinity')
                    order by e.stamp)
   into arrivals
-  from (select stamp from stated union select unnest(p_ends)) e left join stated s using (stamp);
+  from (select stamp from stated union select unnest(p_ends)) e left join stated s on s.stamp = e.stamp;
 
   if (p_source).jump_m is null then
     known_from := '-infinity';
-    select min(stamp) into free_from from unnest(arrivals) where stamp > p_late_to;
+    select min(stamp) into free_from from semap.states_of(arrivals) where stamp > p_late_to;
     return;
   end if;
   select case when p_is_first then '-infinity' else min(stamp) end, min(stamp) filter (where before_stamp > p_late_to)
@@ -115,15 +115,16 @@ begin
   from (select stamp, lag(stamp) over in_order as before_stamp,
                semap.can_follow(p_source, stamp - lag(stamp) over in_order, x_m - lag(x_m) over in_order,
                                 y_m - lag(y_m) over in_order) as follows
-        from unnest(arrivals) window in_order as (order by stamp)) s
+        from semap.states_of(arrivals) window in_order as (order by stamp)) s
   where follows;
   if semap.any_far_step(p_source, arrivals) then
-    select array_agg(a order by (a).stamp) into arrivals from (
-      select distinct on ((a).stamp) a from (
-        select a, 1 as place from unnest((semap.gate(
-          p_source, array(select a from unnest(arrivals) a where a.x_m is not null), '{}')).passed) a
+    select array_agg(a order by stamp) into arrivals from (
+      select distinct on (stamp) a, stamp from (
+        select a, (a.state).stamp, 1 as place from unnest((semap.gate(
+          p_source, array(select a from unnest(arrivals) a where (a.state).x_m is not null), '{}')).passed) a
         union all
-        select a, 2 from unnest(arrivals) a where a.x_m is null or a.stamp = (p_now).stamp) both_kinds
-      order by (a).stamp, place) passed;
+        select a, (a.state).stamp, 2 from unnest(arrivals) a
+        where (a.state).x_m is null or (a.state).stamp = (p_now).stamp) both_kinds
+      order by stamp, place) passed;
   end if;
 end $$;

@@ -198,14 +198,15 @@ create or replace function semap.queue_late(p_source semap.source, p_late semap.
 language plpgsql as $$
 begin
   insert into semap.late_state (track_id, stamp, source_id, of_pairs)
-  select track_id, stamp, p_source.source_id, false from unnest(p_late);
+  select track_id, stamp, p_source.source_id, false from semap.states_of(p_late);
   update semap.source s
   set late_states = s.late_states + cardinality(p_late),
-      late_from = least(s.late_from, (select min(stamp) from unnest(p_late) where stamp > semap.complete_through(s)))
+      late_from = least(s.late_from, (select min(stamp) from semap.states_of(p_late)
+                                      where stamp > semap.complete_through(s)))
   where s.source_id = p_source.source_id;
   -- which tracks began earlier than was known
   update semap.track_now t set first_stamp = n.stamp
-  from (select track_id, min(stamp) as stamp from unnest(p_late) group by track_id) n
+  from (select track_id, min(stamp) as stamp from semap.states_of(p_late) group by track_id) n
   where t.track_id = n.track_id and n.stamp < t.first_stamp;
   notify semap_late;
 end $$;

@@ -24,15 +24,15 @@ language plpgsql stable as $$
 declare
   v_source  semap.source;
   v_states  semap.track_state[];
-  v_last    semap.arrival;
+  v_last    semap.track_state;
 begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   v_states := array(select s from semap.states_around(p_now.track_id, p_at + interval '1 us',
                                                       case when v_source.jump_m is null then 1 else 16 end, 0, p_at) s);
-  select * into v_last from unnest((
+  select * into v_last from semap.states_of((
     semap.arrivals_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).arrivals)
   order by stamp desc limit 1;
-  return semap.state_of(v_last);
+  return v_last;
 end $$;
 
 -- The tracks of a map, of these or (null) of all, that lived at a moment, each where it was.
@@ -72,42 +72,37 @@ declare
 begin
   select array_agg(track_id) into v_ids from semap.track_now where map_id = p_map_id and stamp > p_after;
   with stated as materialized (
-    select * from semap.states(v_ids, p_after, p_to) s where s.stamp > p_after
+    select s.track_id, s.stamp, s as state from semap.states(v_ids, p_after, p_to) s where s.stamp > p_after
   ), ended as materialized (
     select * from semap.track_end e where e.track_id = any (v_ids) and e.stamp > p_after and e.stamp <= p_to
   )
-  select array_agg(m::semap.track_state) into v_states
+  select array_agg(state) into v_states
   from (
-    select s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.is_last or e.stamp is not null, s.heading_rad,
-           s.speed_mps,
-           s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
+    select case when e.stamp is null then s.state else semap.as_last(s.state) end as state
     from stated s left join ended e using (track_id, stamp)
     union all
-    select e.track_id, e.stamp, null, null, null, null, true, null, null, null, null, null, null
+    select semap.new_state(e.track_id, e.stamp, is_last => true)
     from ended e where not exists (select from stated s where s.track_id = e.track_id and s.stamp = e.stamp)) m;
 
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
     v_some := array(
-      select row(s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m, s.heading_rad, s.speed_mps, s.length_m, s.width_m,
-                 s.is_last, n.source_id, p_map_id, n.cell_m, f.track_id is not null, f.stamp, f.x_m, f.y_m, f.z_m,
-                 '{}', null,
-                 s.std_across_m, s.std_yaw_rad)::semap.arrival
+      select semap.new_arrival(s, source_id => n.source_id, map_id => p_map_id, cell_m => n.cell_m,
+                               live => f.track_id is not null, seen_stamp => f.stamp, from_x_m => f.x_m,
+                               from_y_m => f.y_m, from_z_m => f.z_m)
       from unnest(v_states) s
       join semap.track_now n on n.track_id = s.track_id and n.source_id = v_source.source_id
       left join semap.followed_state f on f.track_id = s.track_id
       where s.x_m is not null);
     if semap.any_far_step(v_source, v_some) then
       v_states := array(select s from unnest(v_states) s
-                        where s.x_m is null or not exists (select from unnest(v_some) a where a.track_id = s.track_id))
+                        where s.x_m is null or s.track_id not in (select track_id from semap.states_of(v_some)))
         || array(
-          select semap.state_of(a)
+          select a.state
           from unnest((semap.gate(v_source, v_some, array(
             -- set aside before: what came after the last state that passed
-            select row(t.track_id, s.stamp, s.x_m, s.y_m, null, null, null, null, null, null, null, null, null, null,
-                       null, null, null, null, null, null, null, null, null)::semap.arrival
-            from (select distinct track_id, seen_stamp from unnest(v_some) where live) t
-            cross join lateral (select * from semap.states_around(t.track_id, p_after + interval '1 us', 1, 0,
-                                                                  p_after)) s
+            select s
+            from (select distinct (a.state).track_id, a.seen_stamp from unnest(v_some) a where a.live) t
+            cross join lateral semap.states_around(t.track_id, p_after + interval '1 us', 1, 0, p_after) s
             where s.stamp > t.seen_stamp))).passed) a);
     end if;
   end loop;

@@ -70,8 +70,8 @@ create or replace function semap.crossings_again(
 ) returns table (stamp timestamptz, edge_at timestamptz, direction text, z_m double precision)
 language plpgsql stable as $$
 declare
-  v_before  semap.arrival;
-  v_now     semap.arrival;
+  v_before  semap.track_state;
+  v_now     semap.track_state;
   v_source  semap.source;
   v_from    timestamptz := greatest(p_now.first_stamp, least(p_now.stamp, p_to) - interval '1 h');
   v_side    boolean;
@@ -79,12 +79,12 @@ declare
 begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   for v_now in
-    select a.* from unnest((semap.arrivals_again(
+    select s.* from semap.states_of((semap.arrivals_again(
       v_source, array(select s from semap.states(array[p_now.track_id], v_from, p_to) s),
       p_now, v_from = p_now.first_stamp,
       array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id
             and e.stamp between v_from and p_to),
-      p_to)).arrivals) a order by a.stamp
+      p_to)).arrivals) s order by s.stamp
   loop
     if v_before.stamp is null or v_before.is_last or v_now.x_m is null then
       v_side := null;

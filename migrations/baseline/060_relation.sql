@@ -254,13 +254,11 @@ create index relation_past_stay on semap.relation_past using gist (tstzrange(sin
 create index relation_past_track on semap.relation_past (track_id);
 create index relation_past_object_track on semap.relation_past (object_track_id) where object_track_id is not null;
 
--- A state as it comes, with what is known of its track before it.
+-- A state as it comes, with what is known of its track before it. It is made by semap.new_arrival.
 create type semap.arrival as (
-  track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision,
-  std_m real, heading_rad real, speed_mps real, length_m real, width_m real, is_last boolean,
-  source_id integer, map_id integer, cell_m double precision, live boolean, seen_stamp timestamptz,
-  from_x_m double precision, from_y_m double precision, from_z_m double precision, region_ids integer[],
-  outlier_stamp timestamptz, std_across_m real, std_yaw_rad real
+  state semap.track_state, source_id integer, map_id integer, cell_m double precision, live boolean,
+  seen_stamp timestamptz, from_x_m double precision, from_y_m double precision, from_z_m double precision,
+  region_ids integer[], outlier_stamp timestamptz
 );
 -- A crossing as it is found, before it is written.
 create type semap.crossing as (
