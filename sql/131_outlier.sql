@@ -73,10 +73,7 @@ begin
         asides := asides || v_aside;
       end if;
       v_lives := v_arrival.live;
-      v_before := v_state;
-      v_before.stamp := v_arrival.seen_stamp;
-      v_before.x_m := v_arrival.from_x_m;
-      v_before.y_m := v_arrival.from_y_m;
+      v_before := semap.new_state(v_state.track_id, v_arrival.seen_stamp, v_arrival.from_x_m, v_arrival.from_y_m);
       v_before.z_m := v_arrival.from_z_m;
       v_aside := null;
       select * into v_aside from unnest(p_asides) where track_id = v_state.track_id;

@@ -161,7 +161,10 @@ def play(world: World, rows: Sequence[Row], how: Cuts) -> None:
                 "update semap.source set watermark = greatest(watermark, %s) where source_id = %s",
                 to_datetime(said_us), sources[source],
             )  # fmt: skip
+        if dice.random() < 0.2:
+            world.correct()
     world.run("update semap.source set ended = true")
+    world.correct()
 
 
 def known(world: World) -> dict[str, list[tuple]]:

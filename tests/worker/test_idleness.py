@@ -124,18 +124,20 @@ def one_source(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
     watermark=st.none() | st.just("-infinity") | st.datetimes(EARLIEST, LATEST, timezones=st.just(UTC)),
     newest=st.none() | st.datetimes(EARLIEST, LATEST, timezones=st.just(UTC)),
     lateness=st.timedeltas(timedelta(0), timedelta(days=400)),
+    late_from=st.none() | st.datetimes(EARLIEST, LATEST, timezones=st.just(UTC)),
     is_whole=st.booleans(), ended=st.booleans(), idle=st.booleans(),
 )  # fmt: skip
 def test_a_source_is_complete_as_far_as_the_database_says(
-    one_source: psycopg.Connection, watermark, newest, lateness, is_whole, ended, idle
+    one_source: psycopg.Connection, watermark, newest, lateness, late_from, is_whole, ended, idle
 ) -> None:
     """The worker reads of a row of the log what `semap.complete_through` gives of it."""
     with one_source.transaction(force_rollback=True):
         row = one_source.execute(
-            "update semap.source s set watermark = %s, newest_stamp = %s, lateness = %s, newest_is_whole = %s,"
-            " ended = %s, idle = %s returning s.source_id::text, s.map_id::text, s.watermark::text,"
-            " s.newest_stamp::text, s.lateness::text, s.newest_is_whole::text, s.ended::text, s.idle::text",
-            [watermark, newest, lateness, is_whole, ended, idle],
+            "update semap.source s set watermark = %s, newest_stamp = %s, lateness = %s, late_from = %s,"
+            " newest_is_whole = %s, ended = %s, idle = %s"
+            " returning s.source_id::text, s.map_id::text, s.watermark::text, s.newest_stamp::text,"
+            " s.lateness::text, s.late_from::text, s.newest_is_whole::text, s.ended::text, s.idle::text",
+            [watermark, newest, lateness, late_from, is_whole, ended, idle],
         ).fetchone()  # fmt: skip
         complete, is_awaited = one_source.execute(
             "select nullif(semap.complete_through(s), '-infinity'), not s.ended and not s.idle from semap.source s"
@@ -146,6 +148,7 @@ def test_a_source_is_complete_as_far_as_the_database_says(
         "watermark",
         "newest_stamp",
         "lateness",
+        "late_from",
         "newest_is_whole",
         "ended",
         "idle",
