@@ -88,7 +88,9 @@ def framed(
     """The same states, as track batches."""
     tracks = len(track_ids)
     return [
-        pack_batch(source_id, stamp_us, track_ids, x_m, y_m, np.full(tracks, 1.0), np.full(tracks, 0.05))
+        pack_batch(
+            source_id, stamp_us, track_ids, x_m, y_m, np.full(tracks, 1.0), std_m=np.full(tracks, 0.05)
+        )
         for stamp_us, (x_m, y_m) in zip(
             frame_stamps(len(places), first_us).tolist(), places.transpose(0, 2, 1), strict=True
         )

@@ -155,16 +155,6 @@ begin
   end loop;
 end $$;
 
--- A row of followed_state as a state.
-create or replace function semap.followed_track_state(p_followed semap.followed_state) returns semap.track_state
-language sql immutable parallel safe as $$
-  select row(p_followed.track_id, p_followed.stamp, p_followed.x_m, p_followed.y_m, p_followed.z_m, p_followed.std_m,
-             false,
-             p_followed.heading_rad, p_followed.speed_mps, p_followed.length_m, p_followed.width_m,
-             p_followed.std_across_m,
-             p_followed.std_yaw_rad)::semap.track_state
-$$;
-
 -- Keep where these tracks of a map are (p_places, of more tracks): those that are nowhere have ended.
 create or replace function semap.keep_followed(p_map_id integer, p_track_ids bigint[], p_places semap.track_state[])
 returns void
@@ -173,25 +163,16 @@ language sql as $$
     delete from semap.followed_state f using unnest(p_track_ids) id left join unnest(p_places) p on p.track_id = id
     where p.track_id is null and f.track_id = id
   )
-  insert into semap.followed_state (track_id, map_id, cell_x, cell_y, stamp, x_m, y_m, z_m, std_m, heading_rad,
-                                    speed_mps,
-                                    length_m, width_m, std_across_m, std_yaw_rad)
-  select p.track_id, p_map_id, floor(p.x_m / 8)::integer, floor(p.y_m / 8)::integer, p.stamp, p.x_m, p.y_m, p.z_m,
-         p.std_m,
-         p.heading_rad, p.speed_mps, p.length_m, p.width_m, p.std_across_m, p.std_yaw_rad
+  insert into semap.followed_state (track_id, map_id, cell_x, cell_y, state)
+  select p.track_id, p_map_id, floor(p.x_m / 8)::integer, floor(p.y_m / 8)::integer, p
   from unnest(p_track_ids) id join unnest(p_places) p on p.track_id = id
-  on conflict (track_id) do update
-  set cell_x = excluded.cell_x, cell_y = excluded.cell_y, stamp = excluded.stamp,
-      x_m = excluded.x_m, y_m = excluded.y_m, z_m = excluded.z_m, std_m = excluded.std_m,
-      heading_rad = excluded.heading_rad,
-      speed_mps = excluded.speed_mps, length_m = excluded.length_m, width_m = excluded.width_m,
-      std_across_m = excluded.std_across_m, std_yaw_rad = excluded.std_yaw_rad
+  on conflict (track_id) do update set cell_x = excluded.cell_x, cell_y = excluded.cell_y, state = excluded.state
 $$;
 
 -- Where the tracks of a map are as its pairs see them, of these or (null) of all.
 create or replace function semap.followed_places(p_map_id integer, p_track_ids bigint[] default null)
 returns semap.track_state[]
 language sql stable as $$
-  select coalesce(array_agg(semap.followed_track_state(f)), '{}') from semap.followed_state f
+  select coalesce(array_agg(f.state), '{}') from semap.followed_state f
   where f.map_id = p_map_id and (p_track_ids is null or f.track_id = any (p_track_ids))
 $$;

@@ -1,8 +1,8 @@
--- How states are stored, and how they are read. A row of semap.state_chunk holds states within one half hour of the
+-- How states come, are stored, and are read. A row of semap.state_chunk holds states within one half hour of the
 -- clock, as arrays: of many tracks at one stamp, which is how a track batch comes, or of one track, which is how they
 -- lie once they are compacted (sql/145). An array that is null is null throughout. Readers call semap.states, or
 -- semap.states_around for so many states beside a stamp: no other function knows how states are packed, or that they
--- are.
+-- are. No other file of SQL names all columns of a state, but the one that writes where tracks are (sql/134).
 
 -- The half hour of the clock in which a stamp lies.
 create or replace function semap.half_hour(p_stamp timestamptz) returns timestamptz
@@ -237,3 +237,98 @@ end $$;
 -- Every state that is stored.
 create or replace view semap.stored_state as
   select s.* from semap.state_chunk c cross join lateral semap.states_of(c) s;
+
+-- Take what one source says of many tracks at one stamp: a value for each of these tracks, or null in place of an array
+-- of which nothing is known. All that the source has to say of that stamp is in it.
+create or replace function semap.add_states(
+  source_id integer, stamp timestamptz, track_ids bigint[], x_m double precision[], y_m double precision[],
+  z_m double precision[] default null, std_m real[] default null, is_last boolean[] default null,
+  heading_rad real[] default null, speed_mps real[] default null, length_m real[] default null,
+  width_m real[] default null, std_across_m real[] default null, std_yaw_rad real[] default null
+) returns void
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_chunk  constant semap.state_chunk := semap.new_chunk(
+    source_id => source_id, from_stamp => stamp, to_stamp => stamp, track_ids => track_ids, x_m => x_m, y_m => y_m,
+    z_m => z_m, std_m => std_m, is_last => is_last, heading_rad => heading_rad, speed_mps => speed_mps,
+    length_m => length_m, width_m => width_m, std_across_m => std_across_m, std_yaw_rad => std_yaw_rad);
+begin
+  if not exists (select from semap.source s where s.source_id = add_states.source_id) then
+    raise exception 'There is no source %.', source_id
+      using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
+  elsif num_nulls(stamp, track_ids, x_m, y_m) > 0 then
+    raise exception 'A batch of states needs a stamp, track_ids, x_m and y_m.'
+      using errcode = 'not_null_violation', hint = 'Give these; of all else null may be said.';
+  elsif v_chunk.states <> cardinality(track_ids) or v_chunk.states <> any (array[
+       cardinality(y_m), cardinality(z_m), cardinality(std_m), cardinality(is_last), cardinality(heading_rad),
+       cardinality(speed_mps), cardinality(length_m), cardinality(width_m), cardinality(std_across_m),
+       cardinality(std_yaw_rad)]) then
+    raise exception 'The arrays of a batch of states differ in length.'
+      using errcode = 'array_subscript_error',
+            hint = 'Give each a value for each of track_ids, or null in place of the array.';
+  elsif v_chunk.states = 0 then
+    return;
+  end if;
+  -- what no state may say is refused by the constraints of rows, which would be parsed anew for each batch
+  if (stamp between '1800-01-01Z' and '9999-01-01Z' and array_position(track_ids, null) is null
+      and -1e7 <= all (x_m) and 1e7 >= all (x_m) and -1e7 <= all (y_m) and 1e7 >= all (y_m)
+      and coalesce(-1e7 <= all (z_m) and 1e7 >= all (z_m), true)
+      and coalesce(-7 <= all (heading_rad) and 7 >= all (heading_rad), true)
+      and coalesce(0 <= all (speed_mps) and 1e4 >= all (speed_mps), true)
+      and coalesce(0 < all (length_m) and 1e4 >= all (length_m), true)
+      and coalesce(0 < all (width_m) and 1e4 >= all (width_m), true)
+      and (std_across_m is null and std_yaw_rad is null or not exists (
+        select from semap.states_of(v_chunk) s
+        where case when s.std_across_m is null then s.std_yaw_rad is null
+                   else s.std_across_m between 0 and s.std_m and s.std_m < 1e15 and abs(s.std_yaw_rad) <= 7
+                   end is not true))) is not true then
+    insert into semap.track_state select * from semap.states_of(v_chunk);
+    perform semap.note_newest(source_id, stamp, true);
+    return;
+  end if;
+  perform semap.take_states(source_id, array[v_chunk], true);
+end $$;
+
+-- Rows of states become chunks of one stamp each, or of one track each where there are more stamps than tracks.
+create or replace function semap.track_state_inserted() returns trigger
+language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_source_id  integer;
+  v_chunks     semap.state_chunk[];
+begin
+  select source_id into v_source_id
+  from (select track_id from new_state limit 1) n join semap.track_now using (track_id);
+  if v_source_id is null then
+    perform semap.refuse_unknown(track_id) from new_state limit 1;
+  end if;
+  select array_agg(c) into v_chunks from (
+    select semap.new_chunk(
+      source_id => v_source_id, from_stamp => stamp, to_stamp => stamp, track_ids => array_agg(track_id),
+      x_m => array_agg(x_m), y_m => array_agg(y_m), z_m => case when count(z_m) > 0 then array_agg(z_m) end,
+      std_m => case when count(std_m) > 0 then array_agg(std_m) end,
+      is_last => case when bool_or(is_last) then array_agg(is_last) end,
+      heading_rad => case when count(heading_rad) > 0 then array_agg(heading_rad) end,
+      speed_mps => case when count(speed_mps) > 0 then array_agg(speed_mps) end,
+      length_m => case when count(length_m) > 0 then array_agg(length_m) end,
+      width_m => case when count(width_m) > 0 then array_agg(width_m) end,
+      std_across_m => case when count(std_across_m) > 0 then array_agg(std_across_m) end,
+      std_yaw_rad => case when count(std_yaw_rad) > 0 then array_agg(std_yaw_rad) end) as c
+    from new_state group by stamp) chunk;
+  if cardinality(v_chunks) > 1 and cardinality(v_chunks) > (select count(distinct track_id) from new_state) then
+    v_chunks := array(
+      select c
+      from (select array_agg(c order by from_stamp) as chunks from (
+              select c, from_stamp, half_hour,
+                     (row_number() over (partition by half_hour order by from_stamp) - 1) / 240 as part
+              from unnest(v_chunks) c cross join lateral semap.half_hour(c.from_stamp) half_hour) n
+            group by half_hour, part) g
+      cross join lateral semap.chunks_of_tracks(g.chunks) c);
+  end if;
+  if v_chunks is not null then
+    perform semap.take_states(v_source_id, v_chunks, false);
+  end if;
+  return null;
+end $$;
+
+create or replace trigger track_state_inserted after insert on semap.track_state
+  referencing new table as new_state for each statement execute function semap.track_state_inserted();

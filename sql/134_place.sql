@@ -1,7 +1,7 @@
 -- Where tracks are. semap.track_now has what a state is compared with: the safe region of its track, and where it was
 -- when it left the one before. Where a track is within its safe region, its newest chunk says; that is *flushed* to
 -- track_now once for many chunks, and whenever somebody asks for the exact position of all tracks of a source. Readers
--- ask semap.track_place.
+-- ask semap.track_place. No other file knows which columns of track_now are those of a state.
 
 -- The newest state of each track whose position was not flushed.
 create or replace view semap.unflushed_state as
@@ -15,6 +15,75 @@ create or replace view semap.unflushed_state as
   cross join lateral semap.states_of(c) s
   where n.unflushed > 0
   order by n.source_id, s.track_id, s.stamp desc;
+
+-- The present of a track, as a state.
+create or replace function semap.present_state(p_now semap.track_now) returns setof semap.track_state
+language sql immutable parallel safe rows 1 as $$
+  select p_now.track_id, p_now.stamp, p_now.x_m, p_now.y_m, p_now.z_m, p_now.std_m, false, p_now.heading_rad,
+         p_now.speed_mps, p_now.length_m, p_now.width_m, p_now.std_across_m, p_now.std_yaw_rad
+$$;
+
+-- Bring tracks to where these states say, and give what began and ended by it with plain regions, at the stamp of the
+-- first state that shows it. The states of one track come in any order, none of them late.
+create or replace function semap.move_tracks(p_arrivals semap.arrival[]) returns semap.crossing[]
+language plpgsql as $$
+declare
+  v_crossings  semap.crossing[];
+begin
+  with located as (
+    select s.*, a.map_id, a.cell_m, a.live, a.region_ids, g.region_ids as here_ids, g.z_min_m as calm_z_min_m,
+           g.z_max_m as calm_z_max_m
+    from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+    cross join lateral semap.regions_at(a.map_id, a.cell_m, s.x_m, s.y_m, s.z_m) g
+  ), stepped as (
+    select *, lag(is_last, 1, not live) over one_track as appears,
+           lead(stamp) over one_track is null as is_present, first_value(stamp) over one_track as first_stamp,
+           lag(case when is_last then '{}' else here_ids end, 1, region_ids) over one_track as before_ids
+    from located
+    window one_track as (partition by track_id order by stamp)
+  ), crossed as (
+    select track_id, region_id, 'began'::semap.change_kind as kind,
+           case when appears then 'appeared' else 'moved' end::semap.change_cause as cause, stamp
+    from stepped, unnest(here_ids) region_id
+    where here_ids <> before_ids and region_id <> all (before_ids)
+    union all
+    select track_id, region_id, 'ended', 'moved', stamp
+    from stepped, unnest(before_ids) region_id
+    where here_ids <> before_ids and region_id <> all (here_ids)
+    union all
+    select track_id, region_id, 'ended', 'disappeared', stamp
+    from stepped, unnest(here_ids) region_id
+    where is_last
+  ), moved as (
+    update semap.track_now t
+    set live = true, first_stamp = least(t.first_stamp, n.first_stamp),
+        stamp = n.stamp, x_m = n.x_m, y_m = n.y_m, z_m = n.z_m,
+        std_m = n.std_m, std_across_m = n.std_across_m, std_yaw_rad = n.std_yaw_rad,
+        heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
+        region_ids = case when n.is_last then '{}' else n.here_ids end,
+        calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,
+        calm_z_min_m = n.calm_z_min_m, calm_z_max_m = n.calm_z_max_m, calm_std_m = c.std_m
+    from stepped n cross join lateral semap.calm_rectangle(n.map_id, n.cell_m, n.x_m, n.y_m, n.std_m) c
+    where t.track_id = n.track_id and n.is_present
+  )
+  select array_agg(row(track_id, region_id, kind, cause, stamp, stamp, null, null)::semap.crossing
+                   order by stamp, cause = 'disappeared')
+  into v_crossings from crossed;
+  return v_crossings;
+end $$;
+
+-- Write the present of these tracks anew: where the newest states say that they are, until when the tracks say.
+create or replace function semap.write_presents(p_track_ids bigint[], p_newest semap.track_state[]) returns void
+language sql as $$
+  update semap.track_now t
+  set live = k.ended_at is null and s.stamp is not null, stamp = greatest(s.stamp, k.ended_at, '-infinity'),
+      first_stamp = least(t.first_stamp, s.stamp),
+      x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
+      std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
+      heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
+  from semap.track k left join unnest(p_newest) s using (track_id)
+  where k.track_id = any (p_track_ids) and t.track_id = k.track_id
+$$;
 
 -- Tracks that stay within their safe regions are where the newest of these states says.
 create or replace function semap.place_tracks_at(p_states semap.track_state[]) returns void

@@ -39,9 +39,7 @@ end $$;
 create or replace function semap.tracks_at(p_map_id integer, p_at timestamptz, p_track_ids bigint[] default null)
 returns setof semap.track_state
 language sql stable as $$
-  select n.track_id, n.stamp, n.x_m, n.y_m, n.z_m, n.std_m, false, n.heading_rad, n.speed_mps, n.length_m, n.width_m,
-         n.std_across_m, n.std_yaw_rad
-  from semap.track_now n
+  select p.* from semap.track_now n cross join lateral semap.present_state(n) p
   where n.map_id = p_map_id and n.live and n.stamp <= p_at and (p_track_ids is null or n.track_id = any (p_track_ids))
   union all
   select s.* from semap.track_now n cross join lateral semap.passed_state(n, p_at) s
@@ -87,8 +85,8 @@ begin
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
     v_some := array(
       select semap.new_arrival(s, source_id => n.source_id, map_id => p_map_id, cell_m => n.cell_m,
-                               live => f.track_id is not null, seen_stamp => f.stamp, from_x_m => f.x_m,
-                               from_y_m => f.y_m, from_z_m => f.z_m)
+                               live => f.track_id is not null, seen_stamp => (f.state).stamp,
+                               from_x_m => (f.state).x_m, from_y_m => (f.state).y_m, from_z_m => (f.state).z_m)
       from unnest(v_states) s
       join semap.track_now n on n.track_id = s.track_id and n.source_id = v_source.source_id
       left join semap.followed_state f on f.track_id = s.track_id
@@ -131,10 +129,10 @@ begin
   end if;
   v_around := array(select generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer));
   return array(
-    select semap.followed_track_state(f) from semap.followed_state f
+    select f.state from semap.followed_state f
     where f.track_id in (select track_id from unnest(p_states))
     union
-    select semap.followed_track_state(f)
+    select f.state
     from (select distinct floor(x_m / c_cell_m)::integer + dx as cell_x, floor(y_m / c_cell_m)::integer + dy as cell_y
           from unnest(p_states), unnest(v_around) dx, unnest(v_around) dy
           where x_m is not null) c

@@ -9,22 +9,21 @@ begin
     return p_after;
   end if;
 
-  insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, since, cause, track_id,
-                           track_name,
-                           instance_id, instance_name, key, measures, confidence, by_batch)
-  select p_after + row_number() over (order by e.place), e.event_id, e.map_id, e.rule_name, e.rule_version, e.type,
-         e.stamp, e.since, e.cause, e.track_id, e.track_name, e.instance_id, e.instance_name,
-         coalesce(e.key, '{}'), coalesce(e.measures, '{}'), e.confidence, coalesce(e.by_batch, false)
+  insert into semap.event
+  select e.*
   from (
-    select distinct on (e.event_id) listed.place, e.*
-    from jsonb_array_elements(p_events) with ordinality as listed (event, place)
-    cross join lateral jsonb_to_record(listed.event) as e (
-      event_id uuid, map_id integer, rule_name text, rule_version integer, type text, stamp timestamptz,
-      since timestamptz, cause text, track_id bigint, track_name text, instance_id bigint, instance_name text,
-      key jsonb, measures jsonb, confidence double precision, by_batch boolean)
-    where not exists (select from semap.event known where known.event_id = e.event_id offset 0)
-    order by e.event_id, listed.place
-  ) e;
+    select event, row_number() over (order by place) as nth
+    from (
+      select distinct on (id) event, place
+      from jsonb_array_elements(p_events) with ordinality as listed (event, place)
+      cross join lateral (select (event ->> 'event_id')::uuid as id) i
+      where not exists (select from semap.event known where known.event_id = id offset 0)
+      order by id, place) new
+  ) n
+  cross join lateral jsonb_populate_record(
+    null::semap.event,
+    '{"key": {}, "measures": {}, "by_batch": false}' || n.event
+      || jsonb_build_object('seq', p_after + n.nth, 'created_at', clock_timestamp())) e;
   get diagnostics v_made = row_count;
 
   insert into semap.event_evidence (event_id, place, uid, variable, source, stamp)

@@ -8,7 +8,7 @@ create or replace view semap_query.track with (security_invoker = true) as
          case when p.z_m is null then public.st_makepoint(p.x_m, p.y_m)
               else public.st_makepoint(p.x_m, p.y_m, p.z_m) end as position,
          p.footprint, p.x_m, p.y_m, p.z_m, p.std_m, p.heading_rad, p.speed_mps, p.length_m, p.width_m,
-         c.name as concept, k.concept_id, k.attributes, p.std_across_m, p.std_yaw_rad
+         p.std_across_m, p.std_yaw_rad, c.name as concept, k.concept_id, k.attributes
   from semap.track_present p
   join semap.track k using (track_id)
   left join semap.concept c on c.concept_id = k.concept_id

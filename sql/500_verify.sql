@@ -78,13 +78,10 @@ language sql stable as $$
 $$;
 
 -- The newest state of each of these tracks that was not set aside.
-create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz) returns table (
-  track_id bigint, stamp timestamptz, x_m double precision, y_m double precision, z_m double precision, std_m real,
-  heading_rad real, speed_mps real, length_m real, width_m real, std_across_m real, std_yaw_rad real
-)
+create or replace function semap.newest_states(p_track_ids bigint[], p_since timestamptz)
+returns setof semap.track_state
 language sql stable as $$
-  select distinct on (s.track_id) s.track_id, s.stamp, s.x_m, s.y_m, s.z_m, s.std_m,
-         s.heading_rad, s.speed_mps, s.length_m, s.width_m, s.std_across_m, s.std_yaw_rad
+  select distinct on (s.track_id) s.*
   from semap.states(p_track_ids, p_since, 'infinity') s join semap.track_now t using (track_id)
   where s.stamp is distinct from t.outlier_stamp
   order by s.track_id, s.stamp desc

@@ -56,7 +56,7 @@ language sql stable as $$
   select coalesce(f.track_id, n.track_id), null, null, 'track ' || t.name,
          case when f.track_id is null then 'none' else format('at %s, %s at %s', f.x_m, f.y_m, f.stamp) end,
          case when n.track_id is null then 'none' else format('at %s, %s at %s', n.x_m, n.y_m, n.stamp) end
-  from (select (semap.followed_track_state(f)).* from semap.followed_state f where f.map_id = p_map_id) f
+  from (select (f.state).* from semap.followed_state f where f.map_id = p_map_id) f
   full join (select * from semap.tracks_followed(p_map_id)
              where exists (select from semap.pair_side where map_id = p_map_id)) n using (track_id)
   join semap.track t using (track_id)

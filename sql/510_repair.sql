@@ -17,14 +17,7 @@ begin
   where k.track_id = any (v_ids)
   on conflict (track_id) do update
   set source_id = excluded.source_id, map_id = excluded.map_id, cell_m = excluded.cell_m;
-  update semap.track_now t
-  set live = k.ended_at is null and s.stamp is not null, stamp = greatest(s.stamp, k.ended_at, '-infinity'),
-      first_stamp = least(t.first_stamp, s.stamp),
-      x_m = s.x_m, y_m = s.y_m, z_m = s.z_m,
-      std_m = s.std_m, std_across_m = s.std_across_m, std_yaw_rad = s.std_yaw_rad,
-      heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
-  from semap.track k left join semap.newest_states(v_ids, '-infinity') s using (track_id)
-  where k.track_id = any (v_ids) and t.track_id = k.track_id;
+  perform semap.write_presents(v_ids, array(select s from semap.newest_states(v_ids, '-infinity') s));
 end $$;
 
 -- Write the regions of a map anew where they are not what the queries and the map ask for, and the cells and edges of

@@ -64,8 +64,9 @@ begin
     ' semap.track_place, semap.track_present, semap.track_amended, semap.retention'
     ' to ' || c_own;
   -- the place of an event among those of all maps, and how far the log is, would tell how much happens on others
-  execute 'grant select (event_id, map_id, rule_name, rule_version, type, stamp, cause, track_id, track_name,'
-    ' instance_id, instance_name, since, created_at, key, measures, confidence, by_batch) on semap.event to ' || c_own;
+  execute (
+    select format('grant select (%s) on semap.event to %s', string_agg(quote_ident(attname), ', '), c_own)
+    from pg_attribute where attrelid = 'semap.event'::regclass and attnum > 0 and not attisdropped and attname <> 'seq');
   execute 'grant select (worker) on semap.progress to ' || c_own;
 end $$;
 

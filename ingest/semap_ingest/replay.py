@@ -30,7 +30,7 @@ from semap.store.map.placement import map_from_named_frame
 from semap.store.motion.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.standing import Plan, Standing, look_up, stored_already, track_uid
-from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, copy_rows, pack_states
+from semap_ingest.state_copy import copy_rows, copy_statement, pack_states
 from semap_ingest.track_batch import pack_batch, send_batch
 from semap_ingest.track_file import REACH_M, Tracks
 
@@ -39,8 +39,7 @@ __all__ = ["Plan", "Replayed", "in_map_frame", "replay", "track_uid"]
 log = logging.getLogger(__name__)
 
 ROLE = "semap_ingest"
-COPY_STATES = f"copy semap.track_state ({', '.join(COLUMNS)}) from stdin (format binary)"
-COPY_ELLIPSES = f"copy semap.track_state ({', '.join(COLUMNS + ELLIPSE_COLUMNS)}) from stdin (format binary)"
+COPY_STATES = copy_statement()
 LARGE_FRAME = 200
 """So many tracks at one stamp are cheaper together than among others."""
 
@@ -265,13 +264,13 @@ def _writer(
             tracks.x_m, tracks.y_m, tracks.z_m, tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad
         )
     )  # fmt: skip
-    ellipse = None if np.isnan(across_m).all() else (across_m, yaw_rad)
+    ellipse = {} if np.isnan(across_m).all() else {"std_across_m": across_m, "std_yaw_rad": yaw_rad}
     if is_frame:
         source_id, one_us = registered.source_id, int(stamp_us[0])
-        batch = pack_batch(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m, ellipse=ellipse)
+        batch = pack_batch(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m=std_m, **ellipse)
         return partial(send_batch, batch=batch)
-    data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, ellipse=ellipse)
-    return partial(copy_rows, COPY_ELLIPSES if ellipse else COPY_STATES, data=data)
+    data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, **ellipse)
+    return partial(copy_rows, copy_statement(*ellipse), data=data)
 
 
 def _watermark_us(tracks: Tracks, done: int) -> int:

@@ -9,12 +9,10 @@ import numpy as np
 import psycopg
 from numpy.typing import NDArray
 
-COLUMNS = ("track_id", "stamp", "x_m", "y_m", "z_m", "std_m", "is_last")
-EXTENT_COLUMNS = (*COLUMNS, "heading_rad", "speed_mps", "length_m", "width_m")
-"""Of tracks whose motion and size are known too."""
+from semap.model.track_state import COORDINATES, MEASURES
 
-ELLIPSE_COLUMNS = ("std_across_m", "std_yaw_rad")
-"""After all others, where errors are not alike in all directions."""
+COLUMNS = ("track_id", "stamp", *COORDINATES, "std_m", "is_last")
+"""Those that `pack_states` always writes."""
 
 POSTGRES_EPOCH_US = 946_684_800_000_000
 HEADER = b"PGCOPY\n\xff\r\n\0" + bytes(8)
@@ -23,14 +21,16 @@ TRAILER = b"\xff\xff"
 TYPES = {
     "track_id": ">i8",
     "stamp": ">i8",
-    "x_m": ">f8",
-    "y_m": ">f8",
-    "z_m": ">f8",
-    "std_m": ">f4",
     "is_last": "?",
-    **dict.fromkeys((*EXTENT_COLUMNS[len(COLUMNS) :], *ELLIPSE_COLUMNS), ">f4"),
+    **dict.fromkeys(COORDINATES, ">f8"),
+    **dict.fromkeys(MEASURES, ">f4"),
 }
-NULLABLE = ("z_m", "std_m", *EXTENT_COLUMNS[len(COLUMNS) :], *ELLIPSE_COLUMNS)
+NULLABLE = ("z_m", *MEASURES)
+
+
+def copy_statement(*measures: str) -> str:
+    """Takes what `pack_states` makes where it is given these measures."""
+    return f"copy semap.track_state ({', '.join((*COLUMNS, *measures))}) from stdin (format binary)"
 
 
 def pack_states(
@@ -41,15 +41,9 @@ def pack_states(
     z_m: NDArray[np.float64],
     std_m: NDArray[np.float64],
     is_last: NDArray[np.bool_],
-    *,
-    heading_rad: NDArray[np.float64] | None = None,
-    speed_mps: NDArray[np.float64] | None = None,
-    length_m: NDArray[np.float64] | None = None,
-    width_m: NDArray[np.float64] | None = None,
-    ellipse: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    **measures: NDArray[np.float64],
 ) -> bytes:
-    """A whole COPY (format binary) of `COLUMNS`, or of `EXTENT_COLUMNS` where one of its last four is given;
-    and of `ELLIPSE_COLUMNS` where those are.
+    """A whole COPY (format binary) of `COLUMNS`, and of what else was measured, named as in `MEASURES`.
 
     All arrays are (n,); NaN becomes null in those of `NULLABLE`. Rows with the same columns null are written
     together, so that each group is one array of fixed width; the order of rows within a COPY has no meaning.
@@ -62,13 +56,8 @@ def pack_states(
         "z_m": z_m,
         "std_m": std_m,
         "is_last": is_last,
+        **measures,
     }
-    extent = {"heading_rad": heading_rad, "speed_mps": speed_mps, "length_m": length_m, "width_m": width_m}
-    if any(value is not None for value in extent.values()):
-        unknown = np.full(len(track_id), np.nan)
-        values |= {name: unknown if value is None else value for name, value in extent.items()}
-    if ellipse is not None:
-        values |= dict(zip(ELLIPSE_COLUMNS, ellipse, strict=True))
     nullable = [name for name in NULLABLE if name in values]
     nulls = np.zeros(len(track_id), dtype=np.int64)
     for bit, name in enumerate(nullable):

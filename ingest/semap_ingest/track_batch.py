@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from psycopg.adapt import Dumper
 from psycopg.pq import Format
 
+from semap.model.track_state import COORDINATES, MEASURES
 from semap.timeline.stamp import to_datetime
 
-ADD = """
-    select semap.add_states(%s, %s, %s, x_m => %s, y_m => %s, z_m => %s, std_m => %s, std_across_m => %s,
-                            std_yaw_rad => %s)
-"""
+ADD = f"select semap.add_states(%s, %s, %s, {', '.join(f'{name} => %s' for name in COORDINATES + MEASURES)})"
 NULL = b"\xff\xff\xff\xff"
 
 
@@ -63,22 +61,18 @@ def pack_batch(
     x_m: NDArray[np.float64],
     y_m: NDArray[np.float64],
     z_m: NDArray[np.float64],
-    std_m: NDArray[np.float64],
-    *,
-    ellipse: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    **measures: NDArray[np.float64],
 ) -> Sequence[object]:
-    """What `send_batch` takes.
+    """What `send_batch` takes; of what was measured, each is named as in `MEASURES`.
 
     All arrays are (n,). NaN becomes null in all but the first three.
     """
-    unknown = np.full(len(track_id), np.nan)
-    std_across_m, std_yaw_rad = (unknown, unknown) if ellipse is None else ellipse
     return (
         source_id,
         to_datetime(stamp_us),
         _pack(track_id, _Bigint),
         *(_pack(each, _Float8) for each in (x_m, y_m, z_m)),
-        *(_pack(each, _Float4) for each in (std_m, std_across_m, std_yaw_rad)),
+        *(_pack(measures[name], _Float4) if name in measures else None for name in MEASURES),
     )
 
 

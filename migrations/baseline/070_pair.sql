@@ -48,21 +48,11 @@ create index pair_instance_box on semap.pair_instance using gist (box public.gis
 
 -- The state of each live track at the stamp up to which the pairs of its map were followed.
 create table semap.followed_state (
-  track_id      bigint primary key,
-  map_id        integer not null,
-  cell_x        integer not null,
-  cell_y        integer not null,
-  stamp         timestamptz not null,
-  x_m           double precision not null,
-  y_m           double precision not null,
-  z_m           double precision,
-  std_m         real,
-  heading_rad   real,
-  speed_mps     real,
-  length_m      real,
-  width_m       real,
-  std_across_m  real,
-  std_yaw_rad   real
+  track_id  bigint primary key,
+  map_id    integer not null,
+  cell_x    integer not null,
+  cell_y    integer not null,
+  state     semap.track_state not null
 ) with (fillfactor = 50);
 create index followed_state_cell on semap.followed_state (map_id, cell_x, cell_y);
 

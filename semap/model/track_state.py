@@ -32,3 +32,7 @@ class TrackState:
 
 
 STATE_COLUMNS = tuple(each.name for each in fields(TrackState))
+COORDINATES = ("x_m", "y_m", "z_m")
+"""double precision in PostgreSQL"""
+MEASURES = tuple(name for name in STATE_COLUMNS if name not in ("stamp", *COORDINATES, "is_last"))
+"""real in PostgreSQL, each null where its source does not know it"""

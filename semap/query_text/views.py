@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from semap.model.predicate import Kind
+from semap.model.track_state import COORDINATES, MEASURES
 
 Use = Literal["text", "uid", "id", "map", "attributes", "shape", "moving", "other"]
 """What a column is for: a condition (text, uid, attributes), a relation (shape), or the payload alone."""
@@ -24,19 +25,10 @@ TRACK: Mapping[str, Use] = {
     "stamp": "moving",
     "position": "shape",
     "footprint": "shape",
-    "x_m": "moving",
-    "y_m": "moving",
-    "z_m": "moving",
-    "std_m": "moving",
-    "heading_rad": "moving",
-    "speed_mps": "moving",
-    "length_m": "moving",
-    "width_m": "moving",
+    **dict.fromkeys((*COORDINATES, *MEASURES), "moving"),
     "concept": "other",
     "concept_id": "other",
     "attributes": "attributes",
-    "std_across_m": "moving",
-    "std_yaw_rad": "moving",
 }
 INSTANCE: Mapping[str, Use] = {
     "kind": "other",

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from datetime import datetime
 from itertools import zip_longest
+from uuid import UUID
 
 import psycopg
 from psycopg.types.json import Jsonb
 
 from semap.errors import SlotLost
-from semap.model.event import Event
+from semap.model.event import Event, Evidence
 from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.engine import Changes, Engine
@@ -211,32 +213,24 @@ def say_alive(connection: psycopg.Connection) -> None:
 
 def event_json(event: Event) -> dict[str, object]:
     """An event as the functions of the database take it."""
-    return {
-        "event_id": str(event.event_id),
-        "map_id": event.map_id,
-        "rule_name": event.rule_name,
-        "rule_version": event.rule_version,
-        "type": event.type,
-        "stamp": event.stamp.isoformat(),
-        "since": event.since.isoformat(),
-        "cause": event.cause,
-        "track_id": event.track_id,
-        "track_name": event.track_name,
-        "instance_id": event.instance_id,
-        "instance_name": event.instance_name,
-        "key": dict(event.key),
-        "measures": dict(event.measures),
-        "confidence": event.confidence,
-        "evidence": [
-            {
-                "uid": str(each.uid),
-                "variable": each.variable,
-                "source": each.source,
-                "stamp": each.stamp.isoformat(),
-            }
-            for each in event.evidence
-        ],
-    }
+    return _named(event)
+
+
+def _named(value: Event | Evidence) -> dict[str, object]:
+    return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+
+
+def _plain(value: object) -> object:
+    match value:
+        case UUID():
+            return str(value)
+        case datetime():
+            return value.isoformat()
+        case Mapping():
+            return dict(value)
+        case tuple():
+            return [_named(each) for each in value]
+    return value
 
 
 def _states_json(changes: Changes) -> Iterator[dict[str, object]]:

@@ -12,7 +12,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from semap_ingest.replay import Plan, in_map_frame, replay, track_uid
-from semap_ingest.state_copy import COLUMNS, ELLIPSE_COLUMNS, EXTENT_COLUMNS, pack_states
+from semap_ingest.state_copy import COLUMNS, pack_states
 from semap_ingest.track_file import Tracks
 from world import SECOND_US, World
 
@@ -235,7 +235,10 @@ def test_packed_states_are_what_postgresql_reads(cluster_table: str, rows: list[
             strict=True)]  # fmt: skip
         for names, data in (
             (COLUMNS, pack_states(*columns[:7])),
-            ((*COLUMNS, *ELLIPSE_COLUMNS), pack_states(*columns[:7], ellipse=(columns[7], columns[8]))),
+            (
+                (*COLUMNS, "std_across_m", "std_yaw_rad"),
+                pack_states(*columns[:7], std_across_m=columns[7], std_yaw_rad=columns[8]),
+            ),
         ):
             cursor.execute("truncate states")
             with cursor.copy(f"copy states ({', '.join(names)}) from stdin (format binary)") as copy:
@@ -248,6 +251,7 @@ def test_packed_states_are_what_postgresql_reads(cluster_table: str, rows: list[
             assert sorted(map(repr, cursor.fetchall())) == sorted(map(repr, wanted))
 
 
+EXTENT = ("heading_rad", "speed_mps", "length_m", "width_m")
 measure = st.one_of(st.none(), st.floats(0.125, 3, width=32))
 
 
@@ -266,7 +270,9 @@ def test_packed_extents_are_what_postgresql_reads(cluster_table: str, rows: list
     )  # fmt: skip
     with connect(cluster_table) as connection, connection.cursor() as cursor:
         cursor.execute("truncate states")
-        with cursor.copy(f"copy states ({', '.join(EXTENT_COLUMNS)}) from stdin (format binary)") as copy:
+        with cursor.copy(
+            f"copy states ({', '.join((*COLUMNS, *EXTENT))}) from stdin (format binary)"
+        ) as copy:
             copy.write(data)
         cursor.execute("select track_id, z_m, heading_rad::float8, speed_mps::float8, length_m::float8, width_m::float8"
                        " from states where std_m is null")  # fmt: skip

@@ -303,7 +303,7 @@ def test_writers_a_worker_and_an_editor_at_once(world: World) -> None:
                 track_ids = np.array(ids[number])
                 send_batch(
                     cursor,
-                    pack_batch(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing, nothing),
+                    pack_batch(sources[number], frame * FRAME_US, track_ids, x_m, y_m, nothing),
                 )
                 if number == 3 and frame % 20 == 0:
                     late = to_datetime(frame * FRAME_US) - timedelta(seconds=1.05)

@@ -115,7 +115,7 @@ def held(map_name: str) -> str:
 
 SIDES = """(
     select w.map_id, w.query_id, w.is_object, w.track_id as key, w.track_id, null::bigint as instance_id,
-           st_point(f.x_m, f.y_m) as place
+           st_point((f.state).x_m, (f.state).y_m) as place
     from semap.pair_track_wanted w join semap.followed_state f using (track_id)
     union all
     select map_id, query_id, is_object, -instance_id, null, instance_id, place from semap.pair_instance)"""
@@ -153,7 +153,7 @@ BROKEN = {
     "no instance": (
         "nearest", f"delete from semap.pair_instance where {one_of('nearest', INSTANCE)}", {"pair members"}),
     "a track at another place": (
-        "near", f"update semap.followed_state set x_m = x_m + 1 where {one_of('near')}", {"pair members"}),
+        "near", f"update semap.followed_state set state.x_m = (state).x_m + 1 where {one_of('near')}", {"pair members"}),
     "an instance of another shape": (
         "contains", f"update semap.pair_instance set shape = st_buffer(shape, 1) where {one_of('contains', INSTANCE)}",
         {"pair members"}),
@@ -164,10 +164,10 @@ BROKEN = {
     "an instance of another name": (
         "contains", f"update semap.pair_instance set name = 'x' where {one_of('contains', INSTANCE)}", {"pair members"}),
     "an old stamp": (
-        "near", f"update semap.followed_state set stamp = '-infinity' where {one_of('near')}", {"pair members"}),
+        "near", f"update semap.followed_state set state.stamp = '-infinity' where {one_of('near')}", {"pair members"}),
     "a track that ended": (
-        "near", "insert into semap.followed_state (track_id, map_id, cell_x, cell_y, stamp, x_m, y_m)"
-        " select t.track_id, t.map_id, 0, 0, now(), 0, 0 from semap.track t"
+        "near", "insert into semap.followed_state (track_id, map_id, cell_x, cell_y, state)"
+        " select t.track_id, t.map_id, 0, 0, semap.new_state(t.track_id, now(), 0, 0) from semap.track t"
         f" where t.name = 'f' and t.{OF_MAP.format('near')}", {"pair members"}),
     "a track that is elsewhere": (
         "near", "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from"

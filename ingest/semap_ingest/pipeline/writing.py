@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import datetime
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ import psycopg
 
 from semap.errors import Conflict, NotFound
 from semap.geometry.error_ellipse import ellipses_of
+from semap.model.track_state import COORDINATES
 from semap.store.database.connection import translated
 from semap.timeline.stamp import day_of, to_datetime
 from semap_ingest.pipeline.found import Found, LinesAt
@@ -27,15 +29,9 @@ from semap_ingest.sensing.track_states import TrackStates
 T = TypeVar("T")
 
 ADD_STATES = """
-    insert into semap.track_state
-      (track_id, stamp, x_m, y_m, z_m, std_m, std_across_m, std_yaw_rad, is_last, heading_rad, speed_mps,
-       length_m, width_m)
-    select track_id, stamp, x_m, y_m, %s, std_m, nullif(std_across_m, 'NaN'), nullif(std_yaw_rad, 'NaN'),
-           false, nullif(heading_rad, 'NaN'), speed_mps, length_m, width_m
-    from unnest(%s::bigint[], %s::timestamptz[], %s::float8[], %s::float8[], %s::float4[], %s::float4[],
-                %s::float4[], %s::float4[], %s::float4[], %s::float4[], %s::float4[])
-         s (track_id, stamp, x_m, y_m, std_m, std_across_m, std_yaw_rad, heading_rad, speed_mps, length_m,
-            width_m)
+    insert into semap.track_state (track_id, stamp, {names})
+    select track_id, stamp, {known}
+    from unnest(%s::bigint[], %s::timestamptz[], {arrays}) s (track_id, stamp, {names})
 """
 ADD_LINES = """
     insert into semap.line_observation
@@ -136,7 +132,15 @@ class Writer:
         amendments = [one for each in states for one in each.amendments]
         seen = [each for each in states if len(each)]
         if seen:
-            cursor.execute(ADD_STATES, [self._middle_m, *self._columns(seen)])
+            values = self._values(seen)
+            statement = ADD_STATES.format(
+                names=", ".join(values),
+                known=", ".join(f"nullif({name}, 'NaN')" for name in values),
+                arrays=", ".join(
+                    "%s::float8[]" if name in COORDINATES else "%s::float4[]" for name in values
+                ),
+            )
+            cursor.execute(statement, [*self._keys(seen), *values.values()])
         if ended:
             cursor.execute(
                 END_TRACKS,
@@ -177,20 +181,31 @@ class Writer:
             ids: dict[str, int] = dict(cursor.fetchall())
         self._ids.update((track, ids[name]) for track, name in zip(new, names, strict=True))
 
-    def _columns(self, states: Sequence[TrackStates]) -> list[list[object]]:
-        """As ADD_STATES wants them: from the track's id to its width."""
+    def _keys(self, states: Sequence[TrackStates]) -> tuple[list[int], list[datetime]]:
+        """Ids of the tracks, and stamps."""
+        return (
+            [self._ids[int(track)] for each in states for track in each.track],
+            _repeated([to_datetime(each.stamp_us) for each in states], [len(each) for each in states]),
+        )
+
+    def _values(self, states: Sequence[TrackStates]) -> dict[str, list[float]]:
+        """The columns of a state that perception knows, by name; NaN: not of this one."""
         velocity = np.concatenate([each.velocity_mps for each in states])
         covariance = np.concatenate([each.covariance_m2 for each in states])
         xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-        return [
-            [self._ids[int(track)] for each in states for track in each.track],
-            _repeated([to_datetime(each.stamp_us) for each in states], [len(each) for each in states]),
-            *np.concatenate([each.position_m for each in states]).T.tolist(),
-            *(each.tolist() for each in ellipses_of(xx, xy, yy)),
-            np.concatenate([each.heading_rad for each in states]).tolist(),
-            np.hypot(velocity[:, 0], velocity[:, 1]).tolist(),
-            *np.concatenate([each.extent_m for each in states]).T.tolist(),
-        ]
+        x_m, y_m = np.concatenate([each.position_m for each in states]).T
+        length_m, width_m = np.concatenate([each.extent_m for each in states]).T
+        values = {
+            "x_m": x_m,
+            "y_m": y_m,
+            "z_m": np.full(len(x_m), self._middle_m),
+            **ellipses_of(xx, xy, yy)._asdict(),
+            "heading_rad": np.concatenate([each.heading_rad for each in states]),
+            "speed_mps": np.hypot(velocity[:, 0], velocity[:, 1]),
+            "length_m": length_m,
+            "width_m": width_m,
+        }
+        return {name: each.tolist() for name, each in values.items()}
 
     def _write_lines(self, cursor: psycopg.Cursor, found: Sequence[LinesAt]) -> None:
         if not found:

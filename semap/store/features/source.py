@@ -26,6 +26,7 @@ from sqlalchemy import (
 )
 
 from semap.cql2 import Kind
+from semap.model.track_state import MEASURES
 from semap.store.database.cql2_sql import Thing
 from semap.store.database.tables import (
     STAMP,
@@ -158,13 +159,7 @@ _TRACK_KINDS: dict[str, Kind] = {
     "live": "boolean",
     "ended_at": "instant",
     "stamp": "instant",
-    "std_m": "number",
-    "heading_rad": "number",
-    "speed_mps": "number",
-    "length_m": "number",
-    "width_m": "number",
-    "std_across_m": "number",
-    "std_yaw_rad": "number",
+    **dict.fromkeys(MEASURES, "number"),
     GEOMETRY: "shape",
 }
 _TRACKS = Source(
@@ -183,13 +178,7 @@ _TRACKS = Source(
             "live": track_place.c.live,
             "ended_at": track.c.ended_at,
             "stamp": _SEEN_AT,
-            "std_m": cast(track_place.c.std_m, Double),
-            "heading_rad": cast(track_place.c.heading_rad, Double),
-            "speed_mps": cast(track_place.c.speed_mps, Double),
-            "length_m": cast(track_place.c.length_m, Double),
-            "width_m": cast(track_place.c.width_m, Double),
-            "std_across_m": cast(track_place.c.std_across_m, Double),
-            "std_yaw_rad": cast(track_place.c.std_yaw_rad, Double),
+            **{name: cast(track_place.c[name], Double) for name in MEASURES},
             GEOMETRY: func.public.st_makepoint(track_place.c.x_m, track_place.c.y_m),
         },
         is_a=lambda _: false(),

@@ -40,8 +40,8 @@ STD_ACROSS = Field(description="Along the shorter axis [m]; null: alike in all d
 STD_YAW = Field(description="Where the longer axis points, from x towards y; null as `std_across_m`.")
 
 
-class TrackStateDocument(Document):
-    """Where a track was last seen, in the map frame."""
+class StateDocument(Document):
+    """Where a track was seen, in the map frame."""
 
     stamp: Stamp
     x_m: float
@@ -54,6 +54,11 @@ class TrackStateDocument(Document):
     width_m: float | None
     std_across_m: float | None = STD_ACROSS
     std_yaw_rad: float | None = STD_YAW
+
+
+class TrackStateDocument(StateDocument):
+    """Where a track was last seen, in the map frame."""
+
     footprint: Annotated[PolygonDocument | None, OfShape] = Field(
         description="The ground that it covers; null where its extent is not known."
     )
@@ -92,20 +97,9 @@ class TrackDocument(Document):
     state: TrackStateDocument | None = Field(description="null until it is seen.")
 
 
-class PastStateDocument(Document):
+class PastStateDocument(StateDocument):
     """Where a track was seen, in the map frame."""
 
-    stamp: Stamp
-    x_m: float
-    y_m: float
-    z_m: float | None
-    std_m: float | None = STD
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    std_across_m: float | None = STD_ACROSS
-    std_yaw_rad: float | None = STD_YAW
     is_last: bool = Field(description="It was gone after that.")
 
 
