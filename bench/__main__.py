@@ -31,6 +31,7 @@ from bench import (
     office,
     operators,
     page,
+    pairs,
     recording,
     rules,
     shapes,
@@ -78,6 +79,11 @@ BENCHMARKS = {
         " triggers in turn",
         "frames_cpu_ms less than 1 at 20 tracks",
         small_batches.measure,
+    ),
+    "pairs": Benchmark(
+        f"{pairs.TRACKS:,} tracks and which are within {pairs.NEAR_M:g} m of which; late states beside that",
+        "cpu_ms at most 20, writer_cpu_ms and correction_cpu_ms together at most 10",
+        pairs.measure,
     ),
     "latency": Benchmark(
         f"{latency.ROUNDS} rounds of {latency.ROUND_S:.0f} s through the triggers, the log, the worker and"

@@ -45,9 +45,9 @@ GOAL = 1.3
 REGIONS = """
     with made as (
       insert into semap.region (query_id, query_name, instance_id, instance_uid, instance_name, map_id,
-                                footprint, z_min_m, z_max_m, predicate, enter_confirm, leave_confirm, careful)
+                                footprint, z_min_m, z_max_m, enter_confirm, leave_confirm, stateful)
       select q.query_id, q.name, n, gen_random_uuid(), 'room ' || n, q.map_id, f.area::public.geometry,
-             0, 3, q.predicate, '0', '0', false
+             0, 3, '0', '0', false
       from unnest(%(rooms)s::text[]) with ordinality f (area, n) cross join semap.continuous_query q
       where q.map_id = %(map_id)s
       returning region_id)

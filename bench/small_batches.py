@@ -55,13 +55,13 @@ class Kept:
     wall_ms: list[float] = field(default_factory=list)
 
     def send(self, number: int) -> None:
-        before_ms = _cpu_ms(self.connection)
+        before_ms = cpu_ms(self.connection)
         started_s = time.perf_counter()
         with self.connection.cursor() as cursor:
             self.write(cursor, self.batches[number])
         self.wall_ms.append(1e3 * (time.perf_counter() - started_s))
         Signal().wait(0.002)  # until the process sleeps again
-        self.cpu_ms.append(_cpu_ms(self.connection) - before_ms)
+        self.cpu_ms.append(cpu_ms(self.connection) - before_ms)
 
 
 def measure(dsn: str) -> Rows:
@@ -85,7 +85,7 @@ def _measure(dsn: str, tracks: int) -> dict[str, object]:
     row: dict[str, object] = {"tracks": tracks, "batches": ROUNDS * FRAMES}
     for name, table in tables.items():
         table.connection.close()
-        row[f"{name}_cpu_ms"] = figure(map(median, _rounds(table.cpu_ms)), 2)
+        row[f"{name}cpu_ms"] = figure(map(median, _rounds(table.cpu_ms)), 2)
         row[f"{name}_ms"] = figure(map(median, _rounds(table.wall_ms)), 2)
     return row
 
@@ -116,7 +116,7 @@ def _rounds(values: Sequence[float]) -> list[Sequence[float]]:
     return [values[WARM_UP + number * FRAMES :][:FRAMES] for number in range(ROUNDS)]
 
 
-def _cpu_ms(connection: psycopg.Connection) -> float:
+def cpu_ms(connection: psycopg.Connection) -> float:
     """What the process at the other end has used of a processor so far."""
     used_ns, _, _ = Path(f"/proc/{connection.info.backend_pid}/schedstat").read_text().split()
     return int(used_ns) / 1e6

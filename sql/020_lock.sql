@@ -39,7 +39,7 @@ begin
 end $$;
 
 -- Keep every region as it is until the transaction ends; many may hold this at once.
-create or replace function semap.hold_regions() returns void
+create or replace function semap.lock_regions_shared() returns void
 language plpgsql as $$
 begin
   perform semap.require_read_committed();
@@ -47,7 +47,7 @@ begin
 end $$;
 
 -- Keep every writer of track states out until the transaction ends, to change regions.
-create or replace function semap.change_regions() returns void
+create or replace function semap.lock_regions_exclusive() returns void
 language plpgsql as $$
 begin
   perform semap.require_read_committed();
@@ -55,7 +55,7 @@ begin
 end $$;
 
 -- Let one writer at a time touch the tracks of a source, until the transaction ends.
-create or replace function semap.hold_source(p_source_id integer) returns void
+create or replace function semap.lock_source(p_source_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
 
 -- Taken before the rows of a statement that may change regions or end tracks, so that what is read for
@@ -64,7 +64,7 @@ language sql as $$ select pg_advisory_xact_lock(7364, p_source_id) $$;
 create or replace function semap.lock_regions() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   perform semap.correct_all();
   return null;
 end $$;
@@ -90,7 +90,7 @@ create or replace trigger lock_regions before delete on semap.track
   for each statement when (pg_trigger_depth() = 0) execute function semap.lock_regions();
 create or replace trigger lock_regions_to_end before update of ended_at on semap.track
   for each statement when (pg_trigger_depth() = 0
-                           and current_setting('semap.source_is_held', true) is distinct from 'on')
+                           and current_setting('semap.source_is_locked', true) is distinct from 'on')
   execute function semap.lock_regions();
 
 -- Taken before the rows of a new source or track: their keys hold rows of map and source, for which an edit may wait,
@@ -99,7 +99,7 @@ create or replace trigger lock_regions_to_end before update of ended_at on semap
 create or replace function semap.keep_regions() returns trigger
 language plpgsql as $$
 begin
-  perform semap.hold_regions();
+  perform semap.lock_regions_shared();
   return null;
 end $$;
 
@@ -110,5 +110,5 @@ create or replace trigger keep_regions before insert on semap.track
 create or replace trigger lock_regions_to_describe
   before update of source_id, map_id, name, concept_id, attributes, uid on semap.track
   for each statement when (pg_trigger_depth() = 0
-                           and current_setting('semap.source_is_held', true) is distinct from 'on')
+                           and current_setting('semap.source_is_locked', true) is distinct from 'on')
   execute function semap.lock_regions();

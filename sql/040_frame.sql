@@ -110,7 +110,7 @@ create or replace function semap.change_frame(p_frame_id bigint, p_parent_id big
 returns void
 language plpgsql as $$
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   perform semap.require_movable(p_frame_id);
   if p_keep_world then
     -- where the new parent was nowhere, the frame is from then on nowhere too

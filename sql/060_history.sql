@@ -207,7 +207,7 @@ declare
   v_update   text;
   v_match    text;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   -- this runs with the rights of its owner: what its caller may not see is not there
   if not exists (select from semap.change_set where change_set_id = p_change_set_id)
      or semap.visible_maps() is not null

@@ -18,7 +18,7 @@ declare
   v_child     bigint;
   v_is_own    boolean;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   select f.frame_id, f.parent_id,
          f.parent_id is not null and (select count(*) = 1 from semap.instance o where o.frame_id = f.frame_id)
   into v_frame_id, v_parent_id, v_is_own
@@ -56,7 +56,7 @@ declare
   v_frame_id     bigint;
   v_instance_id  bigint;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   insert into semap.frame (map_id, name, parent_id)
   select f.map_id, p_name, coalesce(f.parent_id, f.frame_id)
   from semap.instance i join semap.frame f using (frame_id) where i.instance_id = p_instance_id
@@ -86,7 +86,7 @@ create or replace function semap.delete_description(p_description_id bigint, p_r
 returns void
 language plpgsql as $$
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   if p_replacement_id is not null then
     update semap.instance set relative_description_id = p_replacement_id, updated_at = clock_timestamp()
     where relative_description_id = p_description_id;

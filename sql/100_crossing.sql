@@ -53,14 +53,14 @@ begin
 
   -- the fenced look-ups keep the plan on the keys, whatever relations held when it was planned
   with told as materialized (
-    select c.track_id, c.region_id, c.kind, c.cause, c.stamp, c.edge_at, c.x_m, c.y_m, c.place,
+    select c.track_id, c.region_id, c.kind, c.cause, c.stamp, c.transition_at, c.x_m, c.y_m, c.place,
            r.map_id, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name,
            t.uid as track_uid, t.name as track_name, n.place as relation_place,
-           case when c.kind = 'began' then c.edge_at
-                else least(coalesce(lag(c.edge_at) over one_pair, n.since), c.edge_at) end as since,
+           case when c.kind = 'began' then c.transition_at
+                else least(coalesce(lag(c.transition_at) over one_pair, n.since), c.transition_at) end as since,
            lead(c.kind) over one_pair is null as is_final, w.edge, w.door_id, w.door_name
     from unnest(p_crossings) with ordinality
-      as c (track_id, region_id, kind, cause, stamp, edge_at, x_m, y_m, place)
+      as c (track_id, region_id, kind, cause, stamp, transition_at, x_m, y_m, place)
     cross join lateral (select * from semap.region r where r.region_id = c.region_id offset 0) r
     cross join lateral (select uid, name from semap.track t where t.track_id = c.track_id offset 0) t
     left join lateral (select since, ctid as place from semap.relation n
@@ -69,19 +69,20 @@ begin
     window one_pair as (partition by c.track_id, c.region_id order by c.place)
   ), changed as (
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
-                                       instance_id, instance_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+                                       instance_id, instance_name, kind, cause, stamp, transition_at, since, x_m, y_m,
                                        edge, door_id, door_name)
     select case when cause = 'map' then gen_random_uuid()
-                else semap.change_uid(query_name, track_uid, instance_uid, kind::text, cause::text, edge_at) end,
+                else semap.change_uid(query_name, track_uid, instance_uid, kind::text, cause::text, transition_at) end,
            map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp,
-           edge_at, since, x_m, y_m, edge, door_id, door_name
+           transition_at, since, x_m, y_m, edge, door_id, door_name
     from told
-    order by stamp, edge_at, track_name collate "C", track_uid, cause = 'disappeared', kind desc, instance_uid, place
+    order by stamp, transition_at, track_name collate "C", track_uid, cause = 'disappeared', kind desc, instance_uid,
+             place
   ), past as (
     insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
                                      since, until)
-    select map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, since, edge_at
-    from told where kind = 'ended' order by edge_at, place
+    select map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, since, transition_at
+    from told where kind = 'ended' order by transition_at, place
   ), gone as (
     delete from semap.relation where ctid = any (array(
       select relation_place from told where is_final and kind = 'ended' and relation_place is not null))

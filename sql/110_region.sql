@@ -1,9 +1,9 @@
 -- The index of all regions is a grid: each cell of a map lists the regions that reach into it and
 -- the edges that pass through it. A point is compared with the one cell that it lies in.
 
--- What holds at a point: the plain regions that contain it (sql/132 follows the others), and the heights [z_min, z_max)
--- around its own for which that stays so. A region holds a point if its footprint contains it (the boundary does not
--- belong to it, as in ST_Contains) and its height band [z_min, z_max) its height; a point without a height is in a
+-- What holds at a point: the stateless regions that contain it (sql/132 follows the others), and the heights [z_min,
+-- z_max) around its own for which that stays so. A region holds a point if its footprint contains it (the boundary does
+-- not belong to it, as in ST_Contains) and its height band [z_min, z_max) its height; a point without a height is in a
 -- region whatever the band, and has no heights around its own.
 create or replace function semap.regions_at(
   p_map_id integer, p_cell_m double precision,
@@ -11,7 +11,7 @@ create or replace function semap.regions_at(
 ) returns table (region_ids integer[], z_min_m double precision, z_max_m double precision)
 language sql stable parallel safe as $$
   select coalesce(array_agg(region_id order by region_id) filter (
-           where not careful and (p_z_m is null or (p_z_m >= c.z_min_m and p_z_m < c.z_max_m))
+           where not stateful and (p_z_m is null or (p_z_m >= c.z_min_m and p_z_m < c.z_max_m))
              and (whole or (select st_contains(r.footprint, st_point(p_x_m, p_y_m))
                             from semap.region r where r.region_id = c.region_id))), '{}'),
          case when p_z_m is not null then
@@ -30,7 +30,7 @@ $$;
 -- an edge, or within an edge's box, has none (x_min infinite). Edges of regions that ask for a probability keep a
 -- distance of some standard deviations, so that the rectangle is for states that are not much less exact than this one:
 -- std_m.
-create or replace function semap.calm_rectangle(
+create or replace function semap.safe_rectangle(
   p_map_id integer, p_cell_m double precision, p_x_m double precision, p_y_m double precision, p_std_m real
 ) returns table (
   x_min_m double precision, x_max_m double precision, y_min_m double precision, y_max_m double precision, std_m real

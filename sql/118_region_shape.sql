@@ -40,23 +40,25 @@ language sql immutable parallel safe return p_compared in ('front', 'back', 'lef
 
 -- Every region that the continuous queries ask for: one for each instance that a query is about and that has the
 -- abstraction it compares. `footprint` is where the relation holds, as a polygon; `shape` what the predicate compares;
--- `core` and `reach` where it is entered and left, if the query has margins.
+-- `enter_area` and `reach` where it is entered and left, if the query has margins.
 create or replace view semap.region_wanted as
   select q.query_id, q.name as query_name, i.instance_id, i.uid as instance_uid, i.name as instance_name, i.map_id,
          f.footprint, coalesce(b.z_min_m, '-infinity') as z_min_m, coalesce(b.z_max_m, 'infinity') as z_max_m,
          q.region_test as test, q.object_compared as compared,
-         case when q.careful then s.shape end as shape, q.by_m as distance_m,
-         case when q.enter_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) - q.enter_margin_m) end as core,
-         case when q.leave_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) + q.leave_margin_m) end as reach,
+         case when q.stateful then s.shape end as shape, q.by_m as distance_m,
+         case when q.enter_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) - q.enter_margin_m) end
+           as enter_area,
+         case when q.leave_margin_m > 0 then semap.grown(s.shape, coalesce(q.by_m, 0) + q.leave_margin_m) end
+           as leave_area,
          q.enter_confirm, q.leave_confirm, semap.normal_quantile(q.enter_probability) as enter_stds,
          -semap.normal_quantile(q.leave_probability) as leave_stds, q.widest_std_m, q.longest_gap, q.fastest_mps,
-         q.subject, q.careful
+         q.subject, q.stateful
   from (
     select c.*, p.region_test, p.object_compared, case when p.region_test = 'dwithin' then distance_m end as by_m,
            t.subject,
            p.region_test <> 'contains' or p.object_compared <> 'ground' or enter_margin_m > 0 or leave_margin_m > 0
            or enter_confirm > '0' or leave_confirm > '0' or enter_probability is not null or longest_gap is not null
-           or t.subject is not null as careful
+           or t.subject is not null as stateful
     from semap.continuous_query c
     join semap.predicate p on p.name = c.predicate
     cross join lateral (

@@ -1,7 +1,7 @@
 -- Let every track in a cell of these regions, or of their edges, be looked up at its next state.
 create or replace function semap.unsettle(p_region_ids integer[]) returns void
 language sql as $$
-  update semap.track_now t set calm_x_min_m = 'infinity'
+  update semap.track_now t set safe_x_min_m = 'infinity'
   where (t.map_id, floor(t.x_m / t.cell_m)::integer, floor(t.y_m / t.cell_m)::integer) in
     (select map_id, cell_x, cell_y from semap.region_cell where region_id = any (p_region_ids)
      union select map_id, cell_x, cell_y from semap.region_edge where region_id = any (p_region_ids))
@@ -9,11 +9,11 @@ $$;
 
 -- The cells that these regions reach into.
 create or replace function semap.cells_of_regions(p_region_ids integer[]) returns table (
-  map_id integer, cell_x integer, cell_y integer, region_id integer, whole boolean, careful boolean,
+  map_id integer, cell_x integer, cell_y integer, region_id integer, whole boolean, stateful boolean,
   z_min_m double precision, z_max_m double precision
 )
 language sql stable as $$
-  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.careful,
+  select r.map_id, cell_x, cell_y, r.region_id, st_containsproperly(r.footprint, cell.square), r.stateful,
          r.z_min_m, r.z_max_m
   from semap.region r
   join semap.map m using (map_id)
@@ -43,7 +43,7 @@ language sql stable as $$
   cross join lateral (
     select greatest(r.enter_stds, r.leave_stds, 0)::real as stds, coalesce(r.widest_std_m, 0) as widest_std_m,
            case when r.distance_m is null then 0 else 0.001 end as by_m) w
-  cross join lateral (select shape from unnest(array[r.footprint, r.core, r.reach]) shape
+  cross join lateral (select shape from unnest(array[r.footprint, r.enter_area, r.leave_area]) shape
                       where shape is not null and not st_isempty(shape)) s
   cross join lateral semap.footprint_edges(s.shape) e
   cross join lateral generate_series(floor((e.x_min_m - w.by_m - w.stds * w.widest_std_m) / m.cell_m)::integer,
@@ -74,7 +74,7 @@ begin
   delete from semap.region_cell where region_id = any (p_region_ids);
   delete from semap.region_edge where region_id = any (p_region_ids);
 
-  insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, careful, z_min_m, z_max_m)
+  insert into semap.region_cell (map_id, cell_x, cell_y, region_id, whole, stateful, z_min_m, z_max_m)
   select * from semap.cells_of_regions(p_region_ids);
   insert into semap.region_edge (map_id, cell_x, cell_y, region_id, stds, x_min_m, x_max_m, y_min_m, y_max_m)
   select * from semap.edges_of_regions(p_region_ids);
@@ -86,10 +86,10 @@ begin
 end $$;
 
 -- Note that these regions have a new form: what came before on their map is not a matter of it.
-create or replace function semap.note_forms(p_region_ids integer[]) returns void
+create or replace function semap.note_valid_from(p_region_ids integer[]) returns void
 language sql as $$
   update semap.region r
-  set formed_stamp = n.stamp, formed_track_id = n.track_id
+  set valid_from = n.stamp, valid_from_track_id = n.track_id
   from (select map_id, max(stamp) as stamp, max(track_id) as track_id from semap.track_now
         where map_id in (select map_id from semap.region where region_id = any (p_region_ids)) group by map_id) n
   where r.region_id = any (p_region_ids) and r.map_id = n.map_id
@@ -107,7 +107,7 @@ begin
   if p_instance_ids is null then
     return;
   end if;
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
 
   select array_agg(r.region_id) into v_gone
   from semap.region r left join semap.region_wanted w using (query_id, instance_id)
@@ -116,12 +116,12 @@ begin
   with changed as (
     insert into semap.region as r (
       query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
-      test, compared, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
-      widest_std_m, longest_gap, fastest_mps, subject, careful)
+      test, compared, shape, distance_m, enter_area, leave_area, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      widest_std_m, longest_gap, fastest_mps, subject, stateful)
     select
       query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
-      test, compared, shape, distance_m, core, reach, enter_confirm, leave_confirm, enter_stds, leave_stds,
-      widest_std_m, longest_gap, fastest_mps, subject, careful
+      test, compared, shape, distance_m, enter_area, leave_area, enter_confirm, leave_confirm, enter_stds, leave_stds,
+      widest_std_m, longest_gap, fastest_mps, subject, stateful
     from semap.region_wanted
     where instance_id = any (p_instance_ids)
     order by query_id, instance_uid
@@ -129,22 +129,22 @@ begin
       query_name = excluded.query_name, instance_uid = excluded.instance_uid,
       instance_name = excluded.instance_name, footprint = excluded.footprint, z_min_m = excluded.z_min_m,
       z_max_m = excluded.z_max_m, test = excluded.test, compared = excluded.compared, shape = excluded.shape,
-      distance_m = excluded.distance_m, core = excluded.core, reach = excluded.reach,
+      distance_m = excluded.distance_m, enter_area = excluded.enter_area, leave_area = excluded.leave_area,
       enter_confirm = excluded.enter_confirm, leave_confirm = excluded.leave_confirm,
       enter_stds = excluded.enter_stds, leave_stds = excluded.leave_stds, widest_std_m = excluded.widest_std_m,
       longest_gap = excluded.longest_gap, fastest_mps = excluded.fastest_mps, subject = excluded.subject,
-      careful = excluded.careful
+      stateful = excluded.stateful
     where (r.query_name, r.instance_uid, r.instance_name, st_asbinary(r.footprint), r.z_min_m, r.z_max_m,
-           r.test, r.compared, st_asbinary(r.shape), r.distance_m, st_asbinary(r.core), st_asbinary(r.reach),
+           r.test, r.compared, st_asbinary(r.shape), r.distance_m, st_asbinary(r.enter_area), st_asbinary(r.leave_area),
            r.enter_confirm, r.leave_confirm, r.enter_stds, r.leave_stds, r.widest_std_m, r.longest_gap,
-           r.fastest_mps, r.subject, r.careful)
+           r.fastest_mps, r.subject, r.stateful)
       is distinct from
           (excluded.query_name, excluded.instance_uid, excluded.instance_name, st_asbinary(excluded.footprint),
            excluded.z_min_m, excluded.z_max_m, excluded.test, excluded.compared, st_asbinary(excluded.shape),
-           excluded.distance_m, st_asbinary(excluded.core), st_asbinary(excluded.reach),
+           excluded.distance_m, st_asbinary(excluded.enter_area), st_asbinary(excluded.leave_area),
            excluded.enter_confirm, excluded.leave_confirm, excluded.enter_stds, excluded.leave_stds,
            excluded.widest_std_m, excluded.longest_gap, excluded.fastest_mps, excluded.subject,
-           excluded.careful)
+           excluded.stateful)
     returning region_id
   )
   select array_agg(region_id) into v_changed from changed;
@@ -156,7 +156,7 @@ begin
   perform semap.unsettle(v_gone || v_changed);
   perform semap.index_regions(v_changed);
   perform semap.unsettle(v_changed);
-  perform semap.note_forms(v_changed);
+  perform semap.note_valid_from(v_changed);
 
   with inside as (
     select t.track_id, r.region_id
@@ -166,7 +166,7 @@ begin
       on t.map_id = c.map_id and t.live
       and floor(t.x_m / t.cell_m)::integer = c.cell_x and floor(t.y_m / t.cell_m)::integer = c.cell_y
     where c.region_id = any (v_changed)
-      and case when r.careful then (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+      and case when r.stateful then (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
                     and (r.subject is null or exists (select from semap.query_track s
                                                    where s.query_id = r.query_id and s.track_id = t.track_id
                                                      and not s.is_object))
@@ -185,12 +185,12 @@ begin
   from crossed c join semap.track_now t using (track_id);
   perform semap.record_crossings(v_crossings);
 
-  delete from semap.verge where region_id = any (v_changed);
+  delete from semap.debounce_state where region_id = any (v_changed);
   update semap.track_now t
-  set region_ids = held.plain_ids, careful_ids = held.careful_ids
+  set region_ids = held.plain_ids, stateful_ids = held.stateful_ids
   from (select k.track_id,
-               coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}') as plain_ids,
-               coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
+               coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}') as plain_ids,
+               coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
         from (select track_id from unnest(v_crossings)
               union select track_id from semap.relation where region_id = any (v_changed)) k
         left join semap.relation n using (track_id)
@@ -302,7 +302,7 @@ begin
           from new_query n join old_query o using (query_id) where n.in_pairs or o.in_pairs) q
     group by is_other;
   elsif exists (select from semap.pair_side where query_id = any (v_query_ids))
-     or exists (select from semap.pair_form where query_id = any (v_query_ids)) then
+     or exists (select from semap.pair_query where query_id = any (v_query_ids)) then
     perform semap.refresh_pairs(v_query_ids, null, null, true);
   end if;
   return null;
@@ -323,7 +323,7 @@ begin
   delete from semap.relation where map_id in (select map_id from old_map);
   delete from semap.pair where map_id in (select map_id from old_map);
   delete from semap.pair_instance where map_id in (select map_id from old_map);
-  delete from semap.pair_form where map_id in (select map_id from old_map);
+  delete from semap.pair_query where map_id in (select map_id from old_map);
   delete from semap.followed_state where map_id in (select map_id from old_map);
   delete from semap.relation_change where map_id in (select map_id from old_map);
   delete from semap.relation_past where map_id in (select map_id from old_map);

@@ -9,7 +9,7 @@
 -- sources of such a map may wait for one another, as they may by the locks of their sources; PostgreSQL ends one.
 
 -- Let one writer at a time move tracks of a map that has queries about pairs, until the transaction ends.
-create or replace function semap.hold_pairs(p_map_id integer) returns void
+create or replace function semap.lock_pairs(p_map_id integer) returns void
 language sql as $$ select pg_advisory_xact_lock(7373, p_map_id) $$;
 
 -- A box with a third axis along which the sides of queries lie far apart, so that one index serves all of them. It is

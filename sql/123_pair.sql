@@ -335,7 +335,7 @@ end $$;
 -- Part these things from all that they are paired with, as subjects and as objects of these queries or (null) of all,
 -- at a moment (null: that of each pair): the pairs that are left, what ended, and the queries whose nearest ones have
 -- to be looked up without them.
-create or replace function semap.part_pairs(
+create or replace function semap.ended_pairs(
   p_query_ids integer[], p_subject_keys bigint[], p_object_keys bigint[], p_places semap.track_state[],
   p_at timestamptz, p_cause semap.change_cause, inout pairs semap.relation_state[], out changes semap.pair_change[]
 )
@@ -407,7 +407,7 @@ begin
     end if;
     places := v_others || v_moment.moved;
     if v_moment.ended is not null then
-      v_step := semap.part_pairs(null, v_moment.ended, v_moment.ended, places, v_moment.stamp, 'disappeared', pairs);
+      v_step := semap.ended_pairs(null, v_moment.ended, v_moment.ended, places, v_moment.stamp, 'disappeared', pairs);
       pairs := v_step.pairs;
       changes := changes || v_step.changes;
       places := array(select p from unnest(places) p where p.track_id <> all (v_moment.ended));

@@ -5,8 +5,9 @@
 create or replace function semap.known_pairs(p_query_ids integer[], p_keys bigint[] default null)
 returns semap.relation_state[]
 language sql stable as $$
-  select coalesce(array_agg(row(p.query_id, p.subject_key, p.object_key, p.held, p.since, p.inside, p.inside_at,
-                                p.inside, p.inside_at, null, null, p.distance_m, p.distance_at)::semap.relation_state),
+  select coalesce(array_agg(row(p.query_id, p.subject_key, p.object_key, p.confirmed, p.since, p.pending, p.pending_at,
+                                p.pending, p.pending_at, null, null, p.distance_m,
+                                p.distance_at)::semap.relation_state),
                                 '{}')
   from semap.pair p
   where p.query_id = any (p_query_ids)
@@ -28,7 +29,7 @@ language sql as $$
       and p.query_id = b.query_id and p.subject_key = b.subject_key and p.object_key = b.object_key
   )
   insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                          held, since, inside, inside_at, distance_m, distance_at)
+                          confirmed, since, pending, pending_at, distance_m, distance_at)
   select p_map_id, n.query_id, case when n.subject_key > 0 then n.subject_key end,
          case when n.subject_key < 0 then -n.subject_key end,
          case when n.object_key < 0 then -n.object_key end, case when n.object_key > 0 then n.object_key end,
@@ -38,7 +39,8 @@ language sql as $$
     and n.object_key = b.object_key
   where n is distinct from b
   on conflict (query_id, subject_key, object_key) do update
-  set held = excluded.held, since = excluded.since, inside = excluded.inside, inside_at = excluded.inside_at,
+  set confirmed = excluded.confirmed, since = excluded.since, pending = excluded.pending,
+      pending_at = excluded.pending_at,
       distance_m = excluded.distance_m, distance_at = excluded.distance_at
 $$;
 
@@ -54,20 +56,21 @@ begin
   ), changed as (
     insert into semap.relation_change (
       uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-      instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+      instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, transition_at, since, x_m,
+      y_m,
       direction, amendment)
     select p_uids[place], map_id, query_id, query_name, track_id, track_name, subject_instance_id,
            subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp,
-           edge_at, since, x_m, y_m, direction, p_amendment
+           transition_at, since, x_m, y_m, direction, p_amendment
     from told order by place
   )
   insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, subject_instance_id,
                                    subject_instance_name, instance_id, instance_name, object_track_id,
                                    object_track_name, since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, since, edge_at
+         instance_id, instance_name, object_track_id, object_track_name, since, transition_at
   from told where kind = 'ended'
-  order by edge_at, place;
+  order by transition_at, place;
 end $$;
 
 -- Write changes of pairs as they happen. What happens has an identity of its own, so that a replay gives the same one;
@@ -89,25 +92,27 @@ create or replace function semap.described_changes(p_changes semap.pair_change[]
   place bigint, uid uuid, map_id integer, query_id integer, query_name text, track_id bigint, track_name text,
   subject_instance_id bigint, subject_instance_name text, instance_id bigint, instance_name text,
   object_track_id bigint, object_track_name text, kind semap.change_kind, cause semap.change_cause,
-  stamp timestamptz, edge_at timestamptz, since timestamptz, x_m double precision, y_m double precision, direction text
+  stamp timestamptz, transition_at timestamptz, since timestamptz, x_m double precision, y_m double precision,
+  direction text
 )
 language sql stable as $$
   select row_number() over (
-           order by c.stamp, c.part, c.edge_at, coalesce(s.name, si.name) collate "C", coalesce(s.uid, si.uid),
+           order by c.stamp, c.part, c.transition_at, coalesce(s.name, si.name) collate "C", coalesce(s.uid, si.uid),
                     c.kind::semap.change_kind desc, coalesce(o.name, oi.name) collate "C", coalesce(o.uid, oi.uid),
                     c.query_id, c.n),
          semap.change_uid(f.query_name || coalesce('|' || c.x_m || '|' || c.y_m, ''), coalesce(s.uid, si.uid),
-                          coalesce(o.uid, oi.uid), c.kind, c.cause::text, c.edge_at),
+                          coalesce(o.uid, oi.uid), c.kind, c.cause::text, c.transition_at),
          f.map_id, c.query_id, f.query_name, s.track_id, s.name, si.instance_id, si.name, oi.instance_id, oi.name,
-         o.track_id, o.name, c.kind::semap.change_kind, c.cause, c.stamp, c.edge_at, c.since, c.x_m, c.y_m, c.direction
+         o.track_id, o.name, c.kind::semap.change_kind, c.cause, c.stamp, c.transition_at, c.since, c.x_m, c.y_m,
+         c.direction
   from (
     -- at one moment: who moved, who ended, and what is nearest after that
     select *, case when cause = 'disappeared' then 1
                    when count(*) filter (where cause = 'disappeared') over (partition by stamp order by n) > 0 then 2
                    else 0 end as part
     from unnest(p_changes) with ordinality
-      as c (query_id, subject_key, object_key, kind, cause, stamp, edge_at, since, x_m, y_m, direction, n)) c
-  join semap.pair_form f on f.query_id = c.query_id
+      as c (query_id, subject_key, object_key, kind, cause, stamp, transition_at, since, x_m, y_m, direction, n)) c
+  join semap.pair_query f on f.query_id = c.query_id
   left join semap.track s on s.track_id = c.subject_key
   left join semap.track o on o.track_id = c.object_key
   left join semap.pair_instance si on si.instance_id = -c.subject_key and si.query_id = c.query_id and not si.is_object
@@ -115,15 +120,16 @@ language sql stable as $$
 $$;
 
 -- Note that these queries have a new form: what came before on their map is not a matter of it.
-create or replace function semap.note_pair_forms(p_query_ids integer[]) returns void
+create or replace function semap.note_pair_queries(p_query_ids integer[]) returns void
 language sql as $$
-  insert into semap.pair_form as f (query_id, map_id, query_name, formed_stamp, formed_track_id)
+  insert into semap.pair_query as f (query_id, map_id, query_name, valid_from, valid_from_track_id)
   select q.query_id, q.map_id, q.name, p.through,
          coalesce((select max(n.track_id) from semap.track_now n where n.map_id = q.map_id), 0)
   from semap.continuous_query q join semap.pair_progress p using (map_id)
   where q.query_id = any (p_query_ids) and q.in_pairs and q.enabled
   on conflict (query_id) do update
-  set query_name = excluded.query_name, formed_stamp = excluded.formed_stamp, formed_track_id = excluded.formed_track_id
+  set query_name = excluded.query_name, valid_from = excluded.valid_from,
+      valid_from_track_id = excluded.valid_from_track_id
 $$;
 
 -- Put instances that take part in these queries on a map where they are, of these or (null) of all: which are not what
@@ -204,7 +210,7 @@ begin
   perform semap.begin_following(p_map_id);
   v_places := semap.followed_places(p_map_id);
   for v_gone in select * from semap.gone_from_pairs(p_map_id, p_query_ids, p_instance_ids) order by query_id loop
-    v_step := semap.part_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, v_places, null, 'map',
+    v_step := semap.ended_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, v_places, null, 'map',
                                v_pairs);
     v_pairs := v_step.pairs;
     perform semap.record_pair_changes(v_step.changes);
@@ -217,24 +223,24 @@ begin
                                       and follows_from = 'rank' and in_pairs and enabled);
     end if;
   end loop;
-  delete from semap.pair_form where query_id = any (p_query_ids)
+  delete from semap.pair_query where query_id = any (p_query_ids)
     and query_id not in (select query_id from semap.pair_side);
   v_edited := semap.place_instances(p_query_ids, p_instance_ids);
   if p_is_other then
     v_edited := array(select distinct instance_id from semap.pair_instance where query_id = any (p_query_ids));
     v_moved := v_places;
     v_places := null;
-    perform semap.note_pair_forms(p_query_ids);
+    perform semap.note_pair_queries(p_query_ids);
   else
     v_moved := array(select p from unnest(v_places) p where p.track_id = any (p_track_ids));
     v_places := array(select p from unnest(v_places) p where p.track_id = any (p_track_ids) is not true);
-    perform semap.note_pair_forms(v_nearest); -- whose past was with what is gone
-    update semap.pair_form f set query_name = q.name
+    perform semap.note_pair_queries(v_nearest); -- whose past was with what is gone
+    update semap.pair_query f set query_name = q.name
     from semap.continuous_query q where q.query_id = f.query_id and q.query_id = any (p_query_ids)
       and f.query_name <> q.name;
   end if;
   update semap.pair_instance m
-  set formed_stamp = p.through, formed_track_id = n.track_id
+  set valid_from = p.through, valid_from_track_id = n.track_id
   from (select map_id, max(track_id) as track_id from semap.track_now where map_id = p_map_id group by map_id) n
   join semap.pair_progress p using (map_id)
   where m.query_id = any (p_query_ids) and m.instance_id = any (v_edited) and m.map_id = p_map_id;
@@ -257,7 +263,7 @@ create or replace function semap.refresh_pairs(
 ) returns void
 language sql as $$
   select semap.refresh_map_pairs(map_id, array_agg(query_id), p_instance_ids, p_track_ids, p_is_other)
-  from (select query_id, map_id from semap.pair_form where query_id = any (p_query_ids)
+  from (select query_id, map_id from semap.pair_query where query_id = any (p_query_ids)
         union select query_id, map_id from semap.continuous_query where query_id = any (p_query_ids)) q
   group by map_id order by map_id
 $$;
@@ -299,7 +305,7 @@ begin
   end if;
   v_before := semap.known_pairs(c_queries, p_track_ids);
   v_places := semap.followed_places(p_map_id);
-  v_step := semap.part_pairs(null, p_track_ids, p_track_ids, v_places, p_at, p_cause, v_before);
+  v_step := semap.ended_pairs(null, p_track_ids, p_track_ids, v_places, p_at, p_cause, v_before);
   perform semap.record_pair_changes(v_step.changes);
   update semap.pair_progress set revision = revision + 1 where map_id = p_map_id;
   delete from semap.followed_state where track_id = any (p_track_ids);
@@ -324,7 +330,7 @@ begin
   if not exists (select from semap.followed_state where track_id = any (p_track_ids)) then
     return;
   end if;
-  perform semap.hold_pairs(map_id)
+  perform semap.lock_pairs(map_id)
   from (select distinct map_id from semap.followed_state where track_id = any (p_track_ids) order by map_id) m;
   for v_moment in
     select k.map_id, greatest(k.ended_at, t.stamp) as stamp, array_agg(k.track_id) as track_ids

@@ -1,7 +1,7 @@
 -- Late states and pairs: what any two things were to each other is what it would be had the states of both come in the
 -- order of their stamps. What a pair is depends on others (nearest), on what was before (times to confirm, approaching,
--- the side of a line) and on when it was compared. So the past is played again (sql/128), once with the late states and
--- once without them. Only what the two plays differ in is written (sql/148).
+-- the side of a line) and on when it was compared. So the past is replayed again (sql/128), once with the late states
+-- and once without them. Only what the two replays differ in is written (sql/148).
 
 -- Add changes of pairs, in their order, and the spans that they end. One that was taken back and stands again has the
 -- identity that it had; one that holds since another moment than before gets one of its own, since who believes the
@@ -24,28 +24,28 @@ end $$;
 
 -- Since when a pair can be corrected: the newest stamp of its map when the query, or an instance that counts for it,
 -- got the form that it has; tracks that came to be known later are corrected from their beginning on.
-create or replace function semap.pair_formed(p_query_id integer, p_subject_key bigint, p_object_key bigint)
+create or replace function semap.pair_valid_from(p_query_id integer, p_subject_key bigint, p_object_key bigint)
 returns timestamptz
 language sql stable as $$
-  select max(f.formed_stamp)
-  from (select formed_stamp, formed_track_id from semap.pair_form where query_id = p_query_id
+  select max(f.valid_from)
+  from (select valid_from, valid_from_track_id from semap.pair_query where query_id = p_query_id
         union all
-        select formed_stamp, formed_track_id from semap.query_track t
+        select valid_from, valid_from_track_id from semap.query_track t
         where t.query_id = p_query_id and t.track_id in (p_subject_key, p_object_key)
         union all
-        select formed_stamp, formed_track_id from semap.pair_instance m
+        select valid_from, valid_from_track_id from semap.pair_instance m
         where m.query_id = p_query_id
           and (m.instance_id in (-p_subject_key, -p_object_key)
                or exists (select from semap.query_predicate q where q.query_id = p_query_id
                           and q.follows_from = 'rank'))) f
-  where f.formed_track_id >= least(case when p_subject_key > 0 then p_subject_key end,
+  where f.valid_from_track_id >= least(case when p_subject_key > 0 then p_subject_key end,
                                    case when p_object_key > 0 then p_object_key end)
 $$;
 
--- Write in what the log differs from a play (p_with) of it from p_from on up to p_to, of the pairs in which that play
--- differs from one without the late states (p_without), the first of which is of p_late_from. What the log says of a
--- pair, and what the play says, have to agree on what held before the first late state and, but for a play up to the
--- present, on what holds after it; else nothing of that pair is written.
+-- Write in what the log differs from a replay (p_with) of it from p_from on up to p_to, of the pairs in which that
+-- replay differs from one without the late states (p_without), the first of which is of p_late_from. What the log says
+-- of a pair, and what the replay says, have to agree on what held before the first late state and, but for a replay up
+-- to the present, on what holds after it; else nothing of that pair is written.
 create or replace function semap.write_pair_amendments(
   p_map_id integer, p_query_ids integer[], p_track_ids bigint[], p_from timestamptz, p_late_from timestamptz,
   p_to timestamptz,
@@ -59,16 +59,16 @@ declare
   v_since  semap.relation_state[];
   v_now    semap.relation_state[];
 begin
-  with played as (
+  with replayed as (
     select true as late, c as said, row_number() over () as place from unnest(p_with) c
       where c.query_id = any (p_query_ids)
     union all
     select false, c, 0 from unnest(p_without) c where c.query_id = any (p_query_ids)
   ), differing as (
     select distinct (said).query_id, (said).subject_key, (said).object_key from (
-      select said from played where late except select said from played where not late
+      select said from replayed where late except select said from replayed where not late
       union all
-      (select said from played where not late except select said from played where late)) d
+      (select said from replayed where not late except select said from replayed where late)) d
     union
     select d.query_id, d.subject_key, d.object_key from semap.differing_pairs(p_pairs, p_pairs_without) d
     where d.query_id = any (p_query_ids)
@@ -97,7 +97,7 @@ begin
                as with_since_before,
              (array_agg((said).kind order by place desc))[1] as with_last,
              (array_agg((said).since order by place desc))[1] as with_since
-      from played p
+      from replayed p
       where late and (said).kind <> 'crossed' and (said).stamp <= p_to
         and ((said).query_id, (said).subject_key, (said).object_key) = (d.query_id, d.subject_key, d.object_key)) w
     cross join lateral (
@@ -107,9 +107,9 @@ begin
              (array_agg(since order by place desc))[1] as log_since,
              coalesce(bool_or(cause = 'map' or kind = before_kind), false) as is_odd
       from (select *, lag(kind) over (order by place) as before_kind from (
-            select (c).*, row_number() over (order by (c).stamp, (c).edge_at, semap.place_in_moment(c, turn),
+            select (c).*, row_number() over (order by (c).stamp, (c).transition_at, semap.place_in_moment(c, turn),
                                              (c).change_id) as place
-            from (select c, row_number() over (partition by (c).edge_at, (c).kind, (c).since < (c).edge_at
+            from (select c, row_number() over (partition by (c).transition_at, (c).kind, (c).since < (c).transition_at
                                                order by (c).change_id) as turn
                   from logged
                   where (c).kind <> 'crossed' and (c).stamp <= p_to
@@ -120,29 +120,30 @@ begin
     select *, case when found_since = found_before then told_before else found_since end as now_since
     from pair p
     where with_held_before = log_held_before and (p_is_present or with_held = log_held) and not is_odd
-      and (semap.pair_formed(p.query_id, p.subject_key, p.object_key) > p_from) is not true
+      and (semap.pair_valid_from(p.query_id, p.subject_key, p.object_key) > p_from) is not true
   ), told as (
     select l.* from logged l
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
     where (c).stamp >= p_late_from and (c).stamp <= p_to
   ), found as (
     select case when (p.said).kind = 'ended' and (p.said).since = s.found_before and s.found_before <> s.told_before
-                then jsonb_populate_record(p.said, jsonb_build_object('since', least(s.told_before, (p.said).edge_at)))
+                then jsonb_populate_record(p.said, jsonb_build_object('since',
+                                                                      least(s.told_before, (p.said).transition_at)))
                 else p.said end as said, p.place
-    from played p
+    from replayed p
     join sound s on ((said).query_id, (said).subject_key, (said).object_key) = (s.query_id, s.subject_key, s.object_key)
     where late and (p.said).stamp >= p_late_from and (p.said).stamp <= p_to
   ), moment as (
     -- what happens at one moment is written together, so that it stands in the order in which it happened
-    select distinct (said).query_id, (said).subject_key, (said).object_key, (said).edge_at from (
+    select distinct (said).query_id, (said).subject_key, (said).object_key, (said).transition_at from (
       (select said from told except select said from found)
         union all (select said from found except select said from told)) d
   ), gone as (
     select (c).uid from told
-    where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
+    where ((said).query_id, (said).subject_key, (said).object_key, (said).transition_at) in (table moment)
   ), new as (
     select said, place from found
-    where ((said).query_id, (said).subject_key, (said).object_key, (said).edge_at) in (table moment)
+    where ((said).query_id, (said).subject_key, (said).object_key, (said).transition_at) in (table moment)
   ), tail as (
     -- it holds since another moment: so says its end, too, which came later
     select (t.c).uid, jsonb_populate_record(semap.change_said(t.c), jsonb_build_object('since', s.now_since)) as said
@@ -162,12 +163,12 @@ begin
                                            case when with_held then now_since end)
                from sound where p_is_present)
   into v_gone, v_new, v_since, v_now;
-  perform semap.take_back(v_gone);
+  perform semap.retract_changes(v_gone);
   perform semap.add_pair_changes(v_new);
 
   update semap.pair p set since = s.since
   from unnest(v_since) s
-  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.held
+  where (p.query_id, p.subject_key, p.object_key) = (s.query_id, s.subject_key, s.object_key) and p.confirmed
     and p.since < p_to;
   delete from semap.pair p using unnest(v_now) n
   where (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key);
@@ -180,7 +181,7 @@ end $$;
 -- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest,
 -- or for whoever is faced however far away; else those that come near enough. Null where that is too much to look
 -- through.
-create or replace function semap.tracks_to_play(
+create or replace function semap.tracks_to_replay(
   p_map_id integer, p_query_ids integer[], p_late_ids bigint[], p_from timestamptz, p_to timestamptz
 ) returns bigint[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
@@ -221,11 +222,11 @@ begin
       and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
 end $$;
 
--- What is played after states that came late, of these tracks at these stamps, for queries that take so long to
+-- What is replayed after states that came late, of these tracks at these stamps, for queries that take so long to
 -- confirm. What a pair remembers of what was before is a matter of a few comparisons and of the times to confirm, so a
--- play begins four states and two such times before the first late state. p_further: how many states it goes on after
--- the last one. The states are null where that is more than a play may hold, or where states of that time are gone.
-create or replace function semap.prepare_play(
+-- replay begins four states and two such times before the first late state. p_further: how many states it goes on after
+-- the last one. The states are null where that is more than a replay may hold, or where states of that time are gone.
+create or replace function semap.prepare_replay(
   p_map_id integer, p_query_ids integer[], p_confirm interval, p_ids bigint[], p_stamps timestamptz[],
   p_further integer, out from_stamp timestamptz, out to_stamp timestamptz, out is_present boolean,
   out track_ids bigint[], out states semap.track_state[], out states_without semap.track_state[]
@@ -238,7 +239,7 @@ declare
   v_present      timestamptz := (select through from semap.pair_progress where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
 begin
-  -- what a track was compared with when it appeared is played as well
+  -- what a track was compared with when it appeared is replayed as well
   select least(min(b.stamp), p_stamps[1] - greatest(2 * p_confirm, '1 us')) into from_stamp
   from unnest(v_ids) id
   cross join lateral (select case when count(*) < 4 then min(stamp) - interval '1 us' else min(stamp) end as stamp
@@ -247,7 +248,7 @@ begin
     return;
   end if;
   -- A track is where its last state says until the present. Beyond that nothing of it changes but what lasts, and what
-  -- others do. What is queued is stored already, and is no state that both plays go through.
+  -- others do. What is queued is stored already, and is no state that both replays go through.
   select case when bool_or(a.states = 0) then v_present
               else least(v_present, greatest(max(a.stamp), c_late_to + p_further * p_confirm / 2)
                                     + case when bool_or(a.states < p_further) then p_further * interval '1 s'
@@ -265,19 +266,19 @@ begin
       where (s.stamp = any (n.stamps)) is not true
       order by s.stamp limit p_further) s) a;
   is_present := to_stamp >= v_present;
-  track_ids := semap.tracks_to_play(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
+  track_ids := semap.tracks_to_replay(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
-      from semap.states(track_ids, from_stamp, to_stamp) s where s.stamp > prepare_play.from_stamp) then
-    states := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, p_ids, p_stamps);
-    states_without := semap.states_to_play(p_map_id, track_ids, from_stamp, to_stamp, '{}', '{}');
+      from semap.states(track_ids, from_stamp, to_stamp) s where s.stamp > prepare_replay.from_stamp) then
+    states := semap.states_to_replay(p_map_id, track_ids, from_stamp, to_stamp, p_ids, p_stamps);
+    states_without := semap.states_to_replay(p_map_id, track_ids, from_stamp, to_stamp, '{}', '{}');
   end if;
 end $$;
 
 -- How what is known of the pairs of a map is to be corrected after the oldest of its late states that are queued
--- (taken_*: which), of the same snapshot: many at once if that is not too much to play, else fewer; and where one state
--- alone is too much, without the queries that take longest to confirm. A play goes on until it makes no difference to
--- what is remembered, at most up to the present. query_ids: of which queries; '{}': nothing is to be corrected.
--- revision: what has to be that of the map still when it is written.
+-- (taken_*: which), of the same snapshot: many at once if that is not too much to replay, else fewer; and where one
+-- state alone is too much, without the queries that take longest to confirm. A replay goes on until it makes no
+-- difference to what is remembered, at most up to the present. query_ids: of which queries; '{}': nothing is to be
+-- corrected. revision: what has to be that of the map still when it is written.
 create or replace function semap.plan_correction(
   p_map_id integer, out taken_ids bigint[], out taken_stamps timestamptz[], out query_ids integer[],
   out revision bigint, out through timestamptz,
@@ -313,7 +314,7 @@ begin
     end if;
     select max(greatest(enter_confirm, leave_confirm, '0')) into v_confirm
     from semap.continuous_query q where q.query_id = any (query_ids);
-    v_next := semap.prepare_play(p_map_id, c_query_ids, v_confirm, v_ids, v_stamps, v_further);
+    v_next := semap.prepare_replay(p_map_id, c_query_ids, v_confirm, v_ids, v_stamps, v_further);
     if v_next.states is null then
       exit when v_further > 4;
       if cardinality(taken_ids) > 1 then
@@ -331,9 +332,9 @@ begin
     to_stamp := v_next.to_stamp;
     is_present := v_next.is_present;
     track_ids := v_next.track_ids;
-    select * into changes, pairs from semap.play_pairs(c_query_ids, from_stamp, v_next.states);
+    select * into changes, pairs from semap.replay_pairs(c_query_ids, from_stamp, v_next.states);
     select * into changes_without, pairs_without
-    from semap.play_pairs(c_query_ids, from_stamp, v_next.states_without);
+    from semap.replay_pairs(c_query_ids, from_stamp, v_next.states_without);
     exit when is_present or not exists (select from semap.differing_pairs(pairs, pairs_without));
     v_further := 4 * v_further;
   end loop;

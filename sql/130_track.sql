@@ -32,10 +32,10 @@ begin
   if v_ended is null then
     return null;
   end if;
-  perform semap.hold_regions();
+  perform semap.lock_regions_shared();
   select array_agg(distinct source_id order by source_id) into v_source_ids
   from new_track where track_id = any (v_ended);
-  perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+  perform semap.lock_source(source_id) from unnest(v_source_ids) source_id;
   perform semap.flush_positions(v_source_ids);
 
   select array_agg(row(r.track_id, r.region_id, 'ended', 'disappeared',
@@ -46,7 +46,7 @@ begin
   join semap.relation r using (track_id)
   where n.track_id = any (v_ended);
   perform semap.record_crossings(v_crossings);
-  delete from semap.verge where track_id = any (v_ended);
+  delete from semap.debounce_state where track_id = any (v_ended);
   insert into semap.track_end (track_id, stamp)
   select k.track_id, greatest(k.ended_at, t.stamp)
   from new_track k join semap.track_now t using (track_id) where k.track_id = any (v_ended)
@@ -54,8 +54,8 @@ begin
   perform semap.end_pairs_of_ended(v_ended);
 
   update semap.track_now t
-  set live = false, region_ids = '{}', careful_ids = '{}', outlier_stamp = null, calm_x_min_m = 'infinity',
-      calm_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
+  set live = false, region_ids = '{}', stateful_ids = '{}', outlier_stamp = null, safe_x_min_m = 'infinity',
+      safe_until = 'infinity', stamp = greatest(t.stamp, n.ended_at)
   from new_track n
   where t.track_id = n.track_id and n.track_id = any (v_ended);
   perform semap.note_newest(source_id, max(ended_at)) from new_track where track_id = any (v_ended)
@@ -75,7 +75,7 @@ begin
   if exists (select from semap.map where map_id = old.map_id) then
     perform semap.flush_positions(array[old.source_id]);
     insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name,
-                                       instance_id, instance_name, kind, cause, stamp, edge_at, since)
+                                       instance_id, instance_name, kind, cause, stamp, transition_at, since)
     select gen_random_uuid(), r.map_id, r.query_id, r.query_name, old.track_id, old.name,
            r.instance_id, r.instance_name, 'ended', 'map', t.stamp, t.stamp, n.since
     from semap.relation n

@@ -3,19 +3,19 @@
 -- jump, and is there from that state on; if not, it was an outlier, and is counted.
 
 -- A state, and what was known of its track before it.
-create or replace function semap.new_arrival(
+create or replace function semap.new_state_update(
   state semap.track_state, source_id integer, map_id integer, cell_m double precision, live boolean,
   seen_stamp timestamptz default null, from_x_m double precision default null, from_y_m double precision default null,
   from_z_m double precision default null, region_ids integer[] default '{}', outlier_stamp timestamptz default null
-) returns semap.arrival
+) returns semap.state_update
 language sql immutable parallel safe as $$
   select row(state, source_id, map_id, cell_m, live, seen_stamp, from_x_m, from_y_m, from_z_m, region_ids,
-             outlier_stamp)::semap.arrival
+             outlier_stamp)::semap.state_update
 $$;
 
 -- The states of these state updates.
-create or replace function semap.states_of(p_arrivals semap.arrival[]) returns setof semap.track_state
-language sql immutable parallel safe rows 100 as $$ select (a.state).* from unnest(p_arrivals) a $$;
+create or replace function semap.states_of(p_updates semap.state_update[]) returns setof semap.track_state
+language sql immutable parallel safe rows 100 as $$ select (a.state).* from unnest(p_updates) a $$;
 
 -- Whether one place can follow on another, some time later.
 create or replace function semap.can_follow(
@@ -26,15 +26,15 @@ language sql immutable parallel safe as $$
 $$;
 
 -- Whether the gate has to look at these states, since a step of a track is more than half as long as a jump: where it
--- was may be known only to within its calm.
-create or replace function semap.any_far_step(p_source semap.source, p_arrivals semap.arrival[]) returns boolean
+-- was may be known only to within its safe region.
+create or replace function semap.any_far_step(p_source semap.source, p_updates semap.state_update[]) returns boolean
 language plpgsql immutable parallel safe as $$ -- which keeps its plan
 begin
   return exists (
     select from (
       select s.x_m - lag(s.x_m, 1, case when a.live then a.from_x_m end) over one_track as dx_m,
              s.y_m - lag(s.y_m, 1, case when a.live then a.from_y_m end) over one_track as dy_m
-      from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+      from unnest(p_updates) a cross join lateral (select (a.state).*) s
       window one_track as (partition by s.track_id order by s.stamp)) step
     where dx_m ^ 2 + dy_m ^ 2 > ((p_source).jump_m / 2) ^ 2);
 end $$;
@@ -44,7 +44,7 @@ create or replace function semap.set_aside(p_track_id bigint, p_state semap.trac
 language sql as $$
   update semap.track_now
   set outlier_stamp = (p_state).stamp, outlier_x_m = (p_state).x_m, outlier_y_m = (p_state).y_m,
-      calm_until = case when (p_state).stamp is null then 'infinity' else '-infinity' end::timestamptz
+      safe_until = case when (p_state).stamp is null then 'infinity' else '-infinity' end::timestamptz
   where track_id = p_track_id and (outlier_stamp is not null or (p_state).stamp is not null)
 $$;
 
@@ -52,12 +52,12 @@ $$;
 -- track (a stamp that is null: nothing), and how many were outliers. A track whose last state does not pass ends where
 -- it was. p_asides: what was set aside of tracks before.
 create or replace function semap.gate(
-  p_source semap.source, p_arrivals semap.arrival[], p_asides semap.track_state[],
-  out passed semap.arrival[], out asides semap.track_state[], out outliers bigint
+  p_source semap.source, p_updates semap.state_update[], p_asides semap.track_state[],
+  out passed semap.state_update[], out asides semap.track_state[], out outliers bigint
 )
 language plpgsql immutable as $$
 declare
-  v_arrival  semap.arrival;
+  v_update  semap.state_update;
   v_state    semap.track_state;
   v_before   semap.track_state;
   v_aside    semap.track_state;
@@ -65,16 +65,16 @@ declare
   v_passes   boolean;
 begin
   outliers := 0;
-  for v_arrival in select * from unnest(p_arrivals) a order by (a.state).track_id, (a.state).stamp loop
-    v_state := v_arrival.state;
+  for v_update in select * from unnest(p_updates) a order by (a.state).track_id, (a.state).stamp loop
+    v_state := v_update.state;
     if v_before.track_id is distinct from v_state.track_id then
       if v_before.track_id is not null then
         v_aside.track_id := v_before.track_id;
         asides := asides || v_aside;
       end if;
-      v_lives := v_arrival.live;
-      v_before := semap.new_state(v_state.track_id, v_arrival.seen_stamp, v_arrival.from_x_m, v_arrival.from_y_m);
-      v_before.z_m := v_arrival.from_z_m;
+      v_lives := v_update.live;
+      v_before := semap.new_state(v_state.track_id, v_update.seen_stamp, v_update.from_x_m, v_update.from_y_m);
+      v_before.z_m := v_update.from_z_m;
       v_aside := null;
       select * into v_aside from unnest(p_asides) where track_id = v_state.track_id;
     end if;
@@ -98,8 +98,8 @@ begin
       v_passes := true;
     end if;
     if v_passes then
-      v_arrival.state := v_state;
-      passed := passed || v_arrival;
+      v_update.state := v_state;
+      passed := passed || v_update;
       v_before := v_state;
       v_lives := not v_state.is_last;
     else
@@ -112,14 +112,15 @@ end $$;
 
 -- The states of these that pass the gate for outliers. What is set aside is kept with its track, which is looked up at
 -- its next state.
-create or replace function semap.gated(p_source semap.source, p_arrivals semap.arrival[]) returns semap.arrival[]
+create or replace function semap.gated(p_source semap.source, p_updates semap.state_update[])
+returns semap.state_update[]
 language plpgsql as $$
 declare
   v_gate  record;
 begin
-  select * into v_gate from semap.gate(p_source, p_arrivals, array(
+  select * into v_gate from semap.gate(p_source, p_updates, array(
     select semap.new_state(track_id, outlier_stamp, outlier_x_m, outlier_y_m) from semap.track_now
-    where outlier_stamp is not null and track_id in (select track_id from semap.states_of(p_arrivals))));
+    where outlier_stamp is not null and track_id in (select track_id from semap.states_of(p_updates))));
   perform semap.set_aside(track_id, a) from unnest(v_gate.asides) a;
   if v_gate.outliers > 0 then
     update semap.source set outliers = outliers + v_gate.outliers where source_id = (p_source).source_id;

@@ -5,14 +5,13 @@
 
 -- The newest state of each track whose position was not flushed.
 create or replace view semap.unflushed_state as
-  select distinct on (n.source_id, s.track_id) n.source_id, s as state
+  select distinct on (n.source_id, s.track_id) n.source_id, s.track_id, s as state
   from semap.source_count n
   cross join lateral (
-    select max(from_stamp) as stamp from semap.state_chunk
-    where source_id = n.source_id and track_id is null and from_stamp > n.flushed_stamp
-    group by track_ids) newest
-  join semap.state_chunk c on c.source_id = n.source_id and c.track_id is null and c.from_stamp = newest.stamp
-  cross join lateral semap.states_of(c) s
+    select distinct on (c.track_ids) c as chunk from semap.state_chunk c
+    where c.source_id = n.source_id and c.track_id is null and c.from_stamp > n.flushed_stamp
+    order by c.track_ids, c.from_stamp desc) newest
+  cross join lateral semap.states_of(newest.chunk) s
   where n.unflushed > 0
   order by n.source_id, s.track_id, s.stamp desc;
 
@@ -23,17 +22,17 @@ language sql immutable parallel safe rows 1 as $$
          p_now.speed_mps, p_now.length_m, p_now.width_m, p_now.std_across_m, p_now.std_yaw_rad
 $$;
 
--- Bring tracks to where these states say, and give what began and ended by it with plain regions, at the stamp of the
--- first state that shows it. The states of one track come in any order, none of them late.
-create or replace function semap.move_tracks(p_arrivals semap.arrival[]) returns semap.crossing[]
+-- Bring tracks to where these states say, and give what began and ended by it with stateless regions, at the stamp of
+-- the first state that shows it. The states of one track come in any order, none of them late.
+create or replace function semap.move_tracks(p_updates semap.state_update[]) returns semap.crossing[]
 language plpgsql as $$
 declare
   v_crossings  semap.crossing[];
 begin
   with located as (
-    select s.*, a.map_id, a.cell_m, a.live, a.region_ids, g.region_ids as here_ids, g.z_min_m as calm_z_min_m,
-           g.z_max_m as calm_z_max_m
-    from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+    select s.*, a.map_id, a.cell_m, a.live, a.region_ids, g.region_ids as here_ids, g.z_min_m as safe_z_min_m,
+           g.z_max_m as safe_z_max_m
+    from unnest(p_updates) a cross join lateral (select (a.state).*) s
     cross join lateral semap.regions_at(a.map_id, a.cell_m, s.x_m, s.y_m, s.z_m) g
   ), stepped as (
     select *, lag(is_last, 1, not live) over one_track as appears,
@@ -61,9 +60,9 @@ begin
         std_m = n.std_m, std_across_m = n.std_across_m, std_yaw_rad = n.std_yaw_rad,
         heading_rad = n.heading_rad, speed_mps = n.speed_mps, length_m = n.length_m, width_m = n.width_m,
         region_ids = case when n.is_last then '{}' else n.here_ids end,
-        calm_x_min_m = c.x_min_m, calm_x_max_m = c.x_max_m, calm_y_min_m = c.y_min_m, calm_y_max_m = c.y_max_m,
-        calm_z_min_m = n.calm_z_min_m, calm_z_max_m = n.calm_z_max_m, calm_std_m = c.std_m
-    from stepped n cross join lateral semap.calm_rectangle(n.map_id, n.cell_m, n.x_m, n.y_m, n.std_m) c
+        safe_x_min_m = c.x_min_m, safe_x_max_m = c.x_max_m, safe_y_min_m = c.y_min_m, safe_y_max_m = c.y_max_m,
+        safe_z_min_m = n.safe_z_min_m, safe_z_max_m = n.safe_z_max_m, safe_std_m = c.std_m
+    from stepped n cross join lateral semap.safe_rectangle(n.map_id, n.cell_m, n.x_m, n.y_m, n.std_m) c
     where t.track_id = n.track_id and n.is_present
   )
   select array_agg(row(track_id, region_id, kind, cause, stamp, stamp, null, null)::semap.crossing
@@ -94,7 +93,7 @@ language sql as $$
       heading_rad = s.heading_rad, speed_mps = s.speed_mps, length_m = s.length_m, width_m = s.width_m
   from (select distinct on (track_id) * from unnest(p_states) order by track_id, stamp desc) s
   -- what is set aside as an outlier is no position (sql/131)
-  where t.track_id = s.track_id and s.stamp > t.stamp and s.stamp < t.calm_until
+  where t.track_id = s.track_id and s.stamp > t.stamp and s.stamp < t.safe_until
 $$;
 
 -- Write the position of each track of these sources that has a newer one. Whoever calls it keeps their writers out.
@@ -126,8 +125,8 @@ declare
     order by source_id);
 begin
   if v_source_ids <> '{}' then
-    perform semap.hold_regions();
-    perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+    perform semap.lock_regions_shared();
+    perform semap.lock_source(source_id) from unnest(v_source_ids) source_id;
     perform semap.flush_positions(v_source_ids);
   end if;
 end $$;
@@ -138,7 +137,7 @@ end $$;
 create or replace function semap.needs_positions(p_source semap.source, p_cell_m double precision) returns boolean
 language sql stable as $$
   select coalesce((p_source).jump_m < 3 * p_cell_m, false)
-      or exists (select from semap.region where map_id = (p_source).map_id and careful and longest_gap is not null)
+      or exists (select from semap.region where map_id = (p_source).map_id and stateful and longest_gap is not null)
 $$;
 
 -- A gate for outliers that is another one asks how far tracks went, so positions are written by then.
@@ -155,15 +154,15 @@ create or replace trigger gate_changed after update of jump_m, jump_mps on semap
 -- Where tracks are, each at its newest position; restricted roles see their own maps.
 create or replace view semap.track_place with (security_barrier) as
   select t.track_id, t.source_id, t.map_id, t.live, t.first_stamp, p.stamp, p.x_m, p.y_m, p.z_m, p.std_m,
-         p.std_across_m, p.std_yaw_rad, p.heading_rad, p.speed_mps, p.length_m, p.width_m, t.region_ids, t.careful_ids
+         p.std_across_m, p.std_yaw_rad, p.heading_rad, p.speed_mps, p.length_m, p.width_m, t.region_ids, t.stateful_ids
   from semap.track_now t
   left join semap.unflushed_state u
-    on (u.state).track_id = t.track_id and (u.state).stamp > t.stamp and (u.state).stamp < t.calm_until
+    on u.track_id = t.track_id and (u.state).stamp > t.stamp and (u.state).stamp < t.safe_until
   cross join lateral (
     select t.stamp, t.x_m, t.y_m, t.z_m, t.std_m, t.std_across_m, t.std_yaw_rad, t.heading_rad, t.speed_mps, t.length_m,
-           t.width_m where (u.state).track_id is null
+           t.width_m where u.track_id is null
     union all
     select (u.state).stamp, (u.state).x_m, (u.state).y_m, (u.state).z_m, (u.state).std_m, (u.state).std_across_m,
            (u.state).std_yaw_rad, (u.state).heading_rad, (u.state).speed_mps, (u.state).length_m, (u.state).width_m
-    where (u.state).track_id is not null) p
+    where u.track_id is not null) p
   where (select semap.visible_maps() is null) or t.map_id = any ((select semap.visible_maps())::integer[]);

@@ -32,44 +32,46 @@ end $$;
 -- change something. Presents are in memory, and of many tracks only a few come in a batch: pages are read as they are
 -- asked for, since else each batch would read all of track_now.
 create or replace function semap.compare_states(
-  p_source_id integer, p_chunks semap.state_chunk[], out states bigint, out tracks bigint, out arrivals semap.arrival[]
+  p_source_id integer, p_chunks semap.state_chunk[], out states bigint, out tracks bigint,
+  out updates semap.state_update[]
 ) language plpgsql stable
 set plan_cache_mode = force_generic_plan set enable_mergejoin = off set random_page_cost = 0.5 as $$
 begin
-  -- arrivals as semap.arrival_of makes them, which would make rows of all that is compared
+  -- state updates as semap.update_of makes them, which would make rows of all that is compared
   select count(*), count(distinct n.track_id),
-         array_agg(semap.new_arrival(
+         array_agg(semap.new_state_update(
            n, source_id => t.source_id, map_id => t.map_id, cell_m => t.cell_m, live => t.live, seen_stamp => t.stamp,
            from_x_m => t.x_m, from_y_m => t.y_m, from_z_m => t.z_m, region_ids => t.region_ids,
            outlier_stamp => t.outlier_stamp)) filter (where not (
-           n.x_m > t.calm_x_min_m and n.x_m < t.calm_x_max_m and n.y_m > t.calm_y_min_m and n.y_m < t.calm_y_max_m
-           and case when n.z_m is null then t.calm_z_min_m is null
-                    else n.z_m >= t.calm_z_min_m and n.z_m < t.calm_z_max_m end
-           and (n.std_m <= t.calm_std_m or n.std_m is null)
-           and n.stamp > t.stamp and n.stamp < t.calm_until
+           n.x_m > t.safe_x_min_m and n.x_m < t.safe_x_max_m and n.y_m > t.safe_y_min_m and n.y_m < t.safe_y_max_m
+           and case when n.z_m is null then t.safe_z_min_m is null
+                    else n.z_m >= t.safe_z_min_m and n.z_m < t.safe_z_max_m end
+           and (n.std_m <= t.safe_std_m or n.std_m is null)
+           and n.stamp > t.stamp and n.stamp < t.safe_until
            and t.source_id = p_source_id and not n.is_last) is true)
-  into states, tracks, arrivals
+  into states, tracks, updates
   from semap.states_in(p_chunks) n left join semap.track_now t using (track_id);
 end $$;
 
 -- The states of these tracks after their present.
-create or replace function semap.arrivals_of(p_chunks semap.state_chunk[], p_track_ids bigint[]) returns semap.arrival[]
+create or replace function semap.updates_of(p_chunks semap.state_chunk[], p_track_ids bigint[])
+returns semap.state_update[]
 language sql stable as $$
-  select array_agg(semap.arrival_of(n, t)) from semap.states_in(p_chunks) n join semap.track_now t using (track_id)
+  select array_agg(semap.update_of(n, t)) from semap.states_in(p_chunks) n join semap.track_now t using (track_id)
   where t.track_id = any (p_track_ids) and n.stamp > t.stamp
 $$;
 
 -- Move tracks to these states, which passed the gate: relations begin and end, tracks appear and end.
-create or replace function semap.follow_states(p_map_id integer, p_passed semap.arrival[]) returns void
+create or replace function semap.follow_states(p_map_id integer, p_passed semap.state_update[]) returns void
 language plpgsql as $$
 declare
   v_crossings  semap.crossing[] := semap.move_tracks(p_passed);
 begin
-  if exists (select from semap.region where map_id = p_map_id and careful) then
-    v_crossings := v_crossings || semap.follow_carefully(p_passed);
+  if exists (select from semap.region where map_id = p_map_id and stateful) then
+    v_crossings := v_crossings || semap.follow_stateful(p_passed);
   end if;
   perform semap.record_crossings(v_crossings);
-  perform set_config('semap.source_is_held', 'on', true);
+  perform set_config('semap.source_is_locked', 'on', true);
   if exists (select from unnest(p_passed) where not live) then
     update semap.track k set ended_at = null
     where k.ended_at is not null
@@ -80,7 +82,7 @@ begin
     from semap.states_of(p_passed) s join semap.track_now t using (track_id)
     where s.is_last and s.stamp = t.stamp and k.track_id = s.track_id;
   end if;
-  perform set_config('semap.source_is_held', 'off', true);
+  perform set_config('semap.source_is_locked', 'off', true);
 end $$;
 
 -- Store states of a source, and follow those of tracks that left their safe regions. p_is_stale: positions were flushed
@@ -90,8 +92,9 @@ create or replace function semap.store_states(
 ) returns void
 language plpgsql as $$
 declare
-  v_late      semap.arrival[] := array(select a from unnest(p_found.arrivals) a where (a.state).stamp <= a.seen_stamp);
-  v_arrivals  semap.arrival[] := p_found.arrivals;
+  v_late      semap.state_update[] := array(select a from unnest(p_found.updates) a
+                                            where (a.state).stamp <= a.seen_stamp);
+  v_updates  semap.state_update[] := p_found.updates;
   v_is_many   boolean := p_found.tracks < p_found.states;
 begin
   if v_is_many or v_late <> '{}' then
@@ -102,16 +105,16 @@ begin
     perform semap.queue_late(p_source, v_late);
   end if;
   if v_is_many or p_is_stale or v_late <> '{}' then
-    v_arrivals := semap.arrivals_of(p_chunks, array(select track_id from semap.states_of(v_arrivals)));
+    v_updates := semap.updates_of(p_chunks, array(select track_id from semap.states_of(v_updates)));
   end if;
-  if v_arrivals is null then
+  if v_updates is null then
     return;
   end if;
-  if exists (select from unnest(v_arrivals) where outlier_stamp is not null)
-     or semap.any_far_step(p_source, v_arrivals) then
-    v_arrivals := semap.gated(p_source, v_arrivals);
+  if exists (select from unnest(v_updates) where outlier_stamp is not null)
+     or semap.any_far_step(p_source, v_updates) then
+    v_updates := semap.gated(p_source, v_updates);
   end if;
-  perform semap.follow_states(p_source.map_id, v_arrivals);
+  perform semap.follow_states(p_source.map_id, v_updates);
 end $$;
 
 -- Count states of a source that are stored, and write where its tracks are: at once, or once for many batches.
@@ -165,7 +168,7 @@ begin
   select min(from_stamp), max(to_stamp) into v_first, v_last from unnest(p_chunks);
   if v_in_pairs then
     perform from semap.source where source_id = p_source_id for no key update;
-    perform semap.hold_pairs(v_source.map_id);
+    perform semap.lock_pairs(v_source.map_id);
   end if;
   -- what is not newer than all before, or of many stamps, does not wait: what is not flushed is of the newest stamps
   v_is_at_once := v_in_pairs or p_chunks[1].track_id is not null or coalesce(v_first <= v_count.newest_stamp, false);
@@ -175,12 +178,12 @@ begin
   end if;
 
   select * into v_found from semap.compare_states(p_source_id, p_chunks);
-  if v_found.arrivals is not null then
-    if exists (select from unnest(v_found.arrivals) where source_id is distinct from p_source_id) then
-      perform semap.refuse_strange(p_source_id, v_found.arrivals);
+  if v_found.updates is not null then
+    if exists (select from unnest(v_found.updates) where source_id is distinct from p_source_id) then
+      perform semap.refuse_strange(p_source_id, v_found.updates);
     end if;
     v_is_stale := v_count.unflushed > 0 and (
-      semap.needs_positions(v_source, v_cell_m) or semap.any_far_step(v_source, v_found.arrivals));
+      semap.needs_positions(v_source, v_cell_m) or semap.any_far_step(v_source, v_found.updates));
     if v_is_stale then
       perform semap.flush_positions(array[p_source_id]);
     end if;

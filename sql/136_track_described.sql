@@ -24,8 +24,8 @@ begin
   if v_source_ids is null then
     return;
   end if;
-  perform semap.hold_regions();
-  perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+  perform semap.lock_regions_shared();
+  perform semap.lock_source(source_id) from unnest(v_source_ids) source_id;
 
   v_before := array(select s from semap.query_track s where s.track_id = any (p_track_ids));
   perform semap.choose_tracks(null, p_track_ids);
@@ -54,17 +54,17 @@ begin
     join semap.track_now t on t.track_id = g.track_id and t.live
     join semap.region r on r.query_id = g.query_id
       and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
-    where (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+    where (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
   ) c
   join semap.track_now t on t.track_id = c.track_id;
   perform semap.record_crossings(v_crossings);
 
-  delete from semap.verge v using unnest(v_lost) l, semap.region r
+  delete from semap.debounce_state v using unnest(v_lost) l, semap.region r
   where v.track_id = l.track_id and r.region_id = v.region_id and r.query_id = l.query_id;
   update semap.track_now t
-  set calm_x_min_m = 'infinity',
-      careful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
-                          where n.track_id = t.track_id and r.careful order by n.region_id)
+  set safe_x_min_m = 'infinity',
+      stateful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
+                          where n.track_id = t.track_id and r.stateful order by n.region_id)
   where t.track_id in (select track_id from unnest(v_lost || v_gained));
 end $$;
 
@@ -75,10 +75,10 @@ declare
   v_map_ids  integer[] := array(select distinct map_id from semap.track where track_id = any (p_track_ids)
                                 order by map_id);
 begin
-  perform semap.hold_pairs(map_id) from unnest(v_map_ids) map_id;
+  perform semap.lock_pairs(map_id) from unnest(v_map_ids) map_id;
   update semap.query_track t
-  set formed_stamp = p.through,
-      formed_track_id = (select max(track_id) from semap.track_now n where n.map_id = t.map_id)
+  set valid_from = p.through,
+      valid_from_track_id = (select max(track_id) from semap.track_now n where n.map_id = t.map_id)
   from semap.pair_progress p
   where t.track_id = any (p_new_ids) and p.map_id = t.map_id
     and t.query_id in (select query_id from semap.pair_side);

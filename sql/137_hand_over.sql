@@ -36,10 +36,10 @@ begin
     raise exception 'Tracks are handed over in a transaction of its own.'
       using errcode = 'invalid_transaction_state', hint = 'Commit what was written before, then hand them over.';
   end if;
-  perform semap.hold_regions();
+  perform semap.lock_regions_shared();
   v_source_ids := array(
     select source_id from semap.track where track_id = any (p_track_ids) union select p_source_id order by 1);
-  perform semap.hold_source(source_id) from unnest(v_source_ids) source_id;
+  perform semap.lock_source(source_id) from unnest(v_source_ids) source_id;
   if exists (select from semap.track where track_id = any (p_track_ids) and source_id <> all (v_source_ids)) then
     raise exception 'Some of these tracks were just handed to another source.'
       using errcode = 'serialization_failure', hint = 'Look where they are, and try again.';
@@ -49,7 +49,7 @@ begin
     while semap.correct_tracks(v_source_id) > 0 loop
     end loop;
   end loop;
-  perform set_config('semap.source_is_held', 'on', true);
+  perform set_config('semap.source_is_locked', 'on', true);
   update semap.track set source_id = p_source_id where track_id = any (p_track_ids) and source_id <> p_source_id;
-  perform set_config('semap.source_is_held', 'off', true);
+  perform set_config('semap.source_is_locked', 'off', true);
 end $$;

@@ -25,35 +25,35 @@ language sql stable as $$
   cross join lateral (
     select case when p_at in (h.since, h.until) then array(
       select c.kind from semap.standing_changes_of_track(h.map_id, p_track_id, p_at - interval '1 us', p_at) c
-      where c.query_id = h.query_id and c.instance_id = h.instance_id and c.edge_at = p_at) end as kinds) k
+      where c.query_id = h.query_id and c.instance_id = h.instance_id and c.transition_at = p_at) end as kinds) k
   where (h.since < p_at or 'began' = any (k.kinds)) and (h.until > p_at or h.until is null or 'ended' <> all (k.kinds))
 $$;
 
 -- The regions that these states of a track may concern, and what is known of it beside each before them: that it was in
--- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in side_at.
-create or replace function semap.verges_before(
-  p_track_id bigint, p_map_id integer, p_cell_m double precision, p_arrivals semap.arrival[], p_late_to timestamptz
-) returns semap.verge[]
+-- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in raw_at.
+create or replace function semap.debounce_states_before(
+  p_track_id bigint, p_map_id integer, p_cell_m double precision, p_updates semap.state_update[], p_late_to timestamptz
+) returns semap.debounce_state[]
 language plpgsql stable as $$  -- which keeps its plan
 begin
   return (
   with place as (
-    select x_m, y_m from semap.states_of(p_arrivals) where x_m is not null
+    select x_m, y_m from semap.states_of(p_updates) where x_m is not null
   ), way as (
     select public.st_makeline(array_agg(public.st_point(x_m, y_m))) as line,
            (select coalesce(max(leave_margin_m), 0) + 0.001 from semap.continuous_query where map_id = p_map_id)
              as wide_m
-    from (select x_m, y_m from semap.states_of(p_arrivals) where x_m is not null order by stamp) p
+    from (select x_m, y_m from semap.states_of(p_updates) where x_m is not null order by stamp) p
   ), span as (
-    select min(stamp) as first_stamp, max(stamp) as last_stamp from semap.states_of(p_arrivals)
+    select min(stamp) as first_stamp, max(stamp) as last_stamp from semap.states_of(p_updates)
   ), concerned as (
     select c.region_id
     from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y
           from place) p
-    join semap.region_cell c on c.map_id = p_map_id and c.cell_x = p.cell_x and c.cell_y = p.cell_y and not c.careful
+    join semap.region_cell c on c.map_id = p_map_id and c.cell_x = p.cell_x and c.cell_y = p.cell_y and not c.stateful
     union
     select r.region_id from way join semap.region r
-      on r.careful and r.map_id = p_map_id and r.footprint && public.st_expand(line, wide_m)
+      on r.stateful and r.map_id = p_map_id and r.footprint && public.st_expand(line, wide_m)
       and public.st_dwithin(r.footprint, line, wide_m)
     union
     select r.region_id from span cross join lateral semap.held_at(p_track_id, first_stamp) h
@@ -64,50 +64,50 @@ begin
     join semap.region r using (query_id, instance_id)
   ), formed as (
     select r.region_id, r.query_id, r.instance_id,
-           case when p_track_id <= r.formed_track_id then r.formed_stamp else '-infinity' end as formed_stamp
+           case when p_track_id <= r.valid_from_track_id then r.valid_from else '-infinity' end as valid_from
     from concerned join semap.region r using (region_id)
   )
   select array_agg(row(p_track_id, f.region_id, p_map_id, h.held, h.held, null, h.held,
-                       case when f.formed_stamp >= s.first_stamp then f.formed_stamp end, null, null)::semap.verge)
+                       case when f.valid_from >= s.first_stamp then f.valid_from end, null, null)::semap.debounce_state)
   from formed f
   cross join span s
   cross join lateral (
-    select exists (select from semap.held_at(p_track_id, greatest(s.first_stamp, f.formed_stamp)) n
+    select exists (select from semap.held_at(p_track_id, greatest(s.first_stamp, f.valid_from)) n
                    where n.query_id = f.query_id and n.instance_id = f.instance_id) as held) h
-  where f.formed_stamp < p_late_to
+  where f.valid_from < p_late_to
     -- what was crossed before the region got its form, and known after it, is nothing that can be found again
     and not exists (
-      select from semap.standing_changes_of_track(p_map_id, p_track_id, f.formed_stamp, s.last_stamp) c
-      where f.formed_stamp >= s.first_stamp and c.query_id = f.query_id and c.instance_id = f.instance_id
-        and c.edge_at <= f.formed_stamp));
+      select from semap.standing_changes_of_track(p_map_id, p_track_id, f.valid_from, s.last_stamp) c
+      where f.valid_from >= s.first_stamp and c.query_id = f.query_id and c.instance_id = f.instance_id
+        and c.transition_at <= f.valid_from));
 end $$;
 
 -- What these states of a track are, in the order of their stamps: with where it was said to have ended, and without
 -- what does not pass the gate for outliers; its present passes. p_is_first: there is no state before them. Further,
 -- from which stamp on what passes is a matter of these states alone, and from which on of those after p_late_to (null:
 -- nowhere): a state that can follow on the one before it passes, whatever was before.
-create or replace function semap.arrivals_again(
+create or replace function semap.updates_again(
   p_source semap.source, p_states semap.track_state[], p_now semap.track_now, p_is_first boolean,
   p_ends timestamptz[], p_late_to timestamptz,
-  out arrivals semap.arrival[], out known_from timestamptz, out free_from timestamptz
+  out updates semap.state_update[], out known_from timestamptz, out free_from timestamptz
 )
 language plpgsql stable as $$
 begin
   with stated as (
     select distinct on (s.stamp) s.stamp, s as state from unnest(p_states) s order by s.stamp
   )
-  select array_agg(semap.new_arrival(
+  select array_agg(semap.new_state_update(
                      case when s.stamp is null then semap.new_state((p_now).track_id, e.stamp, is_last => true)
                           when e.stamp = any (p_ends) then semap.as_last(s.state) else s.state end,
                      source_id => (p_now).source_id, map_id => (p_now).map_id, cell_m => (p_now).cell_m,
                      live => not p_is_first, seen_stamp => '-infinity')
                    order by e.stamp)
-  into arrivals
+  into updates
   from (select stamp from stated union select unnest(p_ends)) e left join stated s on s.stamp = e.stamp;
 
   if (p_source).jump_m is null then
     known_from := '-infinity';
-    select min(stamp) into free_from from semap.states_of(arrivals) where stamp > p_late_to;
+    select min(stamp) into free_from from semap.states_of(updates) where stamp > p_late_to;
     return;
   end if;
   select case when p_is_first then '-infinity' else min(stamp) end, min(stamp) filter (where before_stamp > p_late_to)
@@ -115,15 +115,15 @@ begin
   from (select stamp, lag(stamp) over in_order as before_stamp,
                semap.can_follow(p_source, stamp - lag(stamp) over in_order, x_m - lag(x_m) over in_order,
                                 y_m - lag(y_m) over in_order) as follows
-        from semap.states_of(arrivals) window in_order as (order by stamp)) s
+        from semap.states_of(updates) window in_order as (order by stamp)) s
   where follows;
-  if semap.any_far_step(p_source, arrivals) then
-    select array_agg(a order by stamp) into arrivals from (
+  if semap.any_far_step(p_source, updates) then
+    select array_agg(a order by stamp) into updates from (
       select distinct on (stamp) a, stamp from (
         select a, (a.state).stamp, 1 as place from unnest((semap.gate(
-          p_source, array(select a from unnest(arrivals) a where (a.state).x_m is not null), '{}')).passed) a
+          p_source, array(select a from unnest(updates) a where (a.state).x_m is not null), '{}')).passed) a
         union all
-        select a, (a.state).stamp, 2 from unnest(arrivals) a
+        select a, (a.state).stamp, 2 from unnest(updates) a
         where (a.state).x_m is null or (a.state).stamp = (p_now).stamp) both_kinds
       order by stamp, place) passed;
   end if;

@@ -4,13 +4,13 @@
 --
 -- Only what a late state can have changed is found anew: from the last moment before it at which the memory of the
 -- track beside a region was a matter of nothing before (semap.follow_steps), up to the first such moment after it. For
--- a plain region that is the state before it and the one after it. States that are looked through on either side are
--- 10,000 at most: further away, what is in the log counts.
+-- a stateless region that is the state before it and the one after it. States that are looked through on either side
+-- are 10,000 at most: further away, what is in the log counts.
 -- A region counts from when it got its present form on, and tracks that were not there then from their beginning on.
 -- Where a track is now, and what of it was set aside as an outlier since, no late state changes.
 
 -- Take changes back: they get a change each that says so, and the spans that they ended are gone.
-create or replace function semap.take_back(p_uids uuid[]) returns void
+create or replace function semap.retract_changes(p_uids uuid[]) returns void
 language sql as $$
   delete from semap.relation_past where relation_past_id in (
     select n.relation_past_id from semap.relation_change c cross join lateral (
@@ -18,18 +18,19 @@ language sql as $$
       where (p.track_id = c.track_id or p.subject_instance_id = c.subject_instance_id
              and p.object_track_id = c.object_track_id)
         and p.query_id = c.query_id and p.instance_id is not distinct from c.instance_id
-        and p.object_track_id is not distinct from c.object_track_id and tstzrange(p.since, p.until, '[]') @> c.edge_at
-          and p.since = c.since and p.until = c.edge_at limit 1) n
+        and p.object_track_id is not distinct from c.object_track_id
+          and tstzrange(p.since, p.until, '[]') @> c.transition_at
+          and p.since = c.since and p.until = c.transition_at limit 1) n
     where c.uid = any (p_uids) and c.kind = 'ended');
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since, x_m, y_m,
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, transition_at, since, x_m, y_m,
     direction, edge, door_id, door_name, amendment, retracts)
   select md5(uid || '|retracted')::uuid, map_id, query_id, query_name, track_id, track_name, subject_instance_id,
          subject_instance_name, instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp,
-         edge_at,
+         transition_at,
          since, x_m, y_m, direction, edge, door_id, door_name, 'retracted', uid
-  from semap.relation_change where uid = any (p_uids) order by stamp, edge_at, change_id
+  from semap.relation_change where uid = any (p_uids) order by stamp, transition_at, change_id
 $$;
 
 -- Who has these identities gives them away: what was taken back, and what says so, get others.
@@ -54,10 +55,10 @@ begin
   if p_changes = '{}' then
     return;
   end if;
-  select array_agg(semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.cause::text, c.edge_at)
+  select array_agg(semap.change_uid(r.query_name, t.uid, r.instance_uid, c.kind::text, c.cause::text, c.transition_at)
                    order by c.place)
   into v_uids
-  from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, edge_at, since, x_m, y_m, place)
+  from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, transition_at, since, x_m, y_m, place)
   join semap.region r using (region_id)
   join semap.track t on t.track_id = (p_now).track_id;
   perform semap.free_uids(v_uids);
@@ -65,7 +66,7 @@ begin
   with told as (
     select c.*, u.uid, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name, t.name as track_name,
            w.edge, w.door_id, w.door_name
-    from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, edge_at, since, x_m, y_m, place)
+    from unnest(p_changes) with ordinality as c (region_id, kind, cause, stamp, transition_at, since, x_m, y_m, place)
     join unnest(v_uids) with ordinality as u (uid, place) using (place)
     join semap.region r using (region_id)
     join semap.track t on t.track_id = (p_now).track_id
@@ -74,34 +75,35 @@ begin
     insert into semap.relation_past (map_id, query_id, query_name, track_id, track_name, instance_id, instance_name,
                                      since, until)
     select (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, since,
-           edge_at
-    from told where kind = 'ended' order by edge_at, place
+           transition_at
+    from told where kind = 'ended' order by transition_at, place
   )
   insert into semap.relation_change (
-    uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at,
+    uid, map_id, query_id, query_name, track_id, track_name, instance_id, instance_name, kind, cause, stamp,
+    transition_at,
     since,
     x_m, y_m, edge, door_id, door_name, amendment)
   select uid, (p_now).map_id, query_id, query_name, (p_now).track_id, track_name, instance_id, instance_name, kind,
          cause,
-         stamp, edge_at, since, x_m, y_m, edge, door_id, door_name, 'added'
-  from told order by stamp, edge_at, cause = 'disappeared', kind desc, instance_uid, place;
+         stamp, transition_at, since, x_m, y_m, edge, door_id, door_name, 'added'
+  from told order by stamp, transition_at, cause = 'disappeared', kind desc, instance_uid, place;
 end $$;
 
 -- Keep how a track stands to these regions at its present, after its history was corrected.
-create or replace function semap.keep_present(p_now semap.track_now, p_verges semap.verge[]) returns void
+create or replace function semap.keep_present(p_now semap.track_now, p_kept semap.debounce_state[]) returns void
 language plpgsql as $$
 begin
-  delete from semap.verge v using unnest(p_verges) n where v.track_id = n.track_id and v.region_id = n.region_id;
-  insert into semap.verge
-  select n.* from unnest(p_verges) n join semap.region r using (region_id)
-  where r.careful and (n.held <> n.inside or n.inside <> n.side);
+  delete from semap.debounce_state v using unnest(p_kept) n where v.track_id = n.track_id and v.region_id = n.region_id;
+  insert into semap.debounce_state
+  select n.* from unnest(p_kept) n join semap.region r using (region_id)
+  where r.stateful and (n.confirmed <> n.pending or n.pending <> n.raw);
   update semap.track_now t
-  set careful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
-                          where n.track_id = t.track_id and r.careful order by n.region_id),
-      calm_until = case when t.outlier_stamp is null then coalesce((
-        select min(v.inside_at + case when v.inside then r.enter_confirm else r.leave_confirm end)
-        from semap.verge v join semap.region r using (region_id)
-        where v.track_id = t.track_id and v.held <> v.inside), 'infinity') else '-infinity' end
+  set stateful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
+                          where n.track_id = t.track_id and r.stateful order by n.region_id),
+      safe_until = case when t.outlier_stamp is null then coalesce((
+        select min(v.pending_at + case when v.pending then r.enter_confirm else r.leave_confirm end)
+        from semap.debounce_state v join semap.region r using (region_id)
+        where v.track_id = t.track_id and v.confirmed <> v.pending), 'infinity') else '-infinity' end
   where t.track_id = (p_now).track_id;
 end $$;
 
@@ -119,7 +121,7 @@ declare
   v_held  semap.amended[];
 begin
   with span as (
-    select s.*, r.query_id, r.instance_id, r.careful, h.since as held_since,
+    select s.*, r.query_id, r.instance_id, r.stateful, h.since as held_since,
            n.since as after_since, n.until as after_until, s.region_id = any (p_present_ids) as is_present
     from unnest(p_spans) s
     join semap.region r using (region_id)
@@ -128,48 +130,49 @@ begin
     left join lateral (select since, until from semap.held_at((p_now).track_id, s.to_stamp) n
                        where n.query_id = r.query_id and n.instance_id = r.instance_id) n on true
   ), found as (
-    select s.region_id, c.kind, c.cause, c.stamp, c.edge_at, c.place,
-           case when s.careful then c.x_m end as x_m, case when s.careful then c.y_m end as y_m,
-           case when c.kind = 'began' then c.edge_at
-                else least(coalesce(lag(c.edge_at) over one_region, s.held_since), c.edge_at) end as since,
+    select s.region_id, c.kind, c.cause, c.stamp, c.transition_at, c.place,
+           case when s.stateful then c.x_m end as x_m, case when s.stateful then c.y_m end as y_m,
+           case when c.kind = 'began' then c.transition_at
+                else least(coalesce(lag(c.transition_at) over one_region, s.held_since), c.transition_at) end as since,
            coalesce(lag(c.kind = 'began') over one_region, s.held_since is not null) as was_held,
            lead(c.kind) over one_region is null as is_final
     from unnest(p_crossings) with ordinality
-      as c (track_id, region_id, kind, cause, stamp, edge_at, x_m, y_m, place)
+      as c (track_id, region_id, kind, cause, stamp, transition_at, x_m, y_m, place)
     join span s using (region_id)
     where c.stamp > s.from_stamp and c.stamp <= s.to_stamp
     window one_region as (partition by s.region_id order by c.place)
   ), after as (
     select s.*, coalesce(f.kind = 'began', s.held_since is not null) as is_held,
-           case when f.region_id is null then s.held_since when f.kind = 'began' then f.edge_at end as now_since
+           case when f.region_id is null then s.held_since when f.kind = 'began' then f.transition_at end as now_since
     from span s left join found f on f.region_id = s.region_id and f.is_final
     where not exists (select from found f where f.region_id = s.region_id and f.was_held = (f.kind = 'began'))
   ), sound as (
     select * from after where is_present or is_held = (after_since is not null)
   ), stood as (
-    select s.region_id, c.uid, c.kind, c.cause, c.stamp, c.edge_at, c.since
+    select s.region_id, c.uid, c.kind, c.cause, c.stamp, c.transition_at, c.since
     from (select min(from_stamp) as from_stamp, max(to_stamp) as to_stamp from sound) w
     cross join lateral semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, w.from_stamp, w.to_stamp) c
     join sound s using (query_id, instance_id)
     where c.stamp > s.from_stamp and c.stamp <= s.to_stamp
   ), gone as (
     select uid from stood t
-    where not exists (select from found f where (f.region_id, f.kind, f.cause, f.stamp, f.edge_at, f.since)
-                                              = (t.region_id, t.kind, t.cause, t.stamp, t.edge_at, t.since))
+    where not exists (select from found f where (f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since)
+                                              = (t.region_id, t.kind, t.cause, t.stamp, t.transition_at, t.since))
   ), new as (
-    select row(f.region_id, f.kind, f.cause, f.stamp, f.edge_at, f.since, f.x_m, f.y_m)::semap.amended as change
+    select row(f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since, f.x_m, f.y_m)::semap.amended as change
     from found f join sound using (region_id)
-    where not exists (select from stood t where (f.region_id, f.kind, f.cause, f.stamp, f.edge_at, f.since)
-                                              = (t.region_id, t.kind, t.cause, t.stamp, t.edge_at, t.since))
+    where not exists (select from stood t where (f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since)
+                                              = (t.region_id, t.kind, t.cause, t.stamp, t.transition_at, t.since))
     order by f.place
   ), tail as (
     -- it holds since another moment: so says its end, too, which came later
-    select t.uid, row(s.region_id, t.kind, t.cause, t.stamp, t.edge_at, s.now_since, t.x_m, t.y_m)::semap.amended
+    select t.uid, row(s.region_id, t.kind, t.cause, t.stamp, t.transition_at, s.now_since, t.x_m, t.y_m)::semap.amended
       as change
     from sound s
     cross join lateral (
       select * from semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, s.to_stamp, 'infinity') c
-      where c.query_id = s.query_id and c.instance_id = s.instance_id and c.kind = 'ended' and c.edge_at = s.after_until
+      where c.query_id = s.query_id and c.instance_id = s.instance_id and c.kind = 'ended'
+        and c.transition_at = s.after_until
         and c.stamp >= s.after_until
       order by c.stamp limit 1) t
     where not s.is_present and s.now_since <> s.after_since and s.after_until is not null
@@ -181,7 +184,7 @@ begin
                           null, null)::semap.amended
                from sound where is_present or after_until is null and now_since <> after_since)
   into v_gone, v_new, v_held;
-  perform semap.take_back(v_gone);
+  perform semap.retract_changes(v_gone);
   perform semap.add_changes(p_now, v_new);
 
   delete from semap.relation n using unnest(v_held) h
@@ -194,7 +197,7 @@ end $$;
 
 -- Queue states that came late, and count them. Rules wait until those are corrected that came within the lateness of
 -- their source, so that they never see what is taken back by them.
-create or replace function semap.queue_late(p_source semap.source, p_late semap.arrival[]) returns void
+create or replace function semap.queue_late(p_source semap.source, p_late semap.state_update[]) returns void
 language plpgsql as $$
 begin
   insert into semap.late_state (track_id, stamp, source_id, of_pairs)
@@ -215,7 +218,7 @@ end $$;
 -- late_to. It writes nothing.
 create or replace function semap.replay_track(
   p_now semap.track_now, p_most integer, out late_from timestamptz, out late_to timestamptz, out last timestamptz,
-  out is_first boolean, out is_present boolean, out verges semap.verge[], out crossings semap.crossing[],
+  out is_first boolean, out is_present boolean, out kept semap.debounce_state[], out crossings semap.crossing[],
   out spans semap.replayed[]
 ) language plpgsql stable as $$
 declare
@@ -245,16 +248,16 @@ begin
       v_states := array(select s from unnest(v_states) s where s.stamp <> all (c_not_yet));
     end if;
     select coalesce(max(late), late_from) into late_to from unnest(c_queued[:p_most]) late where late <= last;
-    v_again := semap.arrivals_again(
+    v_again := semap.updates_again(
       c_source, v_states, p_now, is_first,
       array(select distinct stamp
             from semap.standing_changes_of_track(p_now.map_id, p_now.track_id, v_first, last)
             where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
             union select p_now.stamp where is_present and not p_now.live),
       late_to);
-    select f.verges, f.crossings, f.spans into verges, crossings, spans from semap.follow_steps(
-      v_again.arrivals,
-      semap.verges_before(p_now.track_id, p_now.map_id, p_now.cell_m, v_again.arrivals, late_to),
+    select f.kept, f.crossings, f.spans into kept, crossings, spans from semap.follow_steps(
+      v_again.updates,
+      semap.debounce_states_before(p_now.track_id, p_now.map_id, p_now.cell_m, v_again.updates, late_to),
       late_from, coalesce(v_again.known_from, 'infinity'), coalesce(v_again.free_from, 'infinity')) f;
     select coalesce(bool_or(from_stamp is null), false) and not is_first,
            coalesce(bool_or(to_stamp is null), false) and not is_present
@@ -284,7 +287,7 @@ begin
     array(select region_id from unnest(v_found.spans) where to_stamp is null and v_found.is_present));
   if v_found.is_present then
     perform semap.keep_present(c_now, array(
-      select v from unnest(v_found.verges) v join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
+      select v from unnest(v_found.kept) v join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
   end if;
   delete from semap.late_state where track_id = p_track_id and not of_pairs and stamp <= v_found.late_to;
   get diagnostics v_corrected = row_count;

@@ -30,7 +30,7 @@ begin
   v_states := array(select s from semap.states_around(p_now.track_id, p_at + interval '1 us',
                                                       case when v_source.jump_m is null then 1 else 16 end, 0, p_at) s);
   select * into v_last from semap.states_of((
-    semap.arrivals_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).arrivals)
+    semap.updates_again(v_source, v_states, p_now, cardinality(v_states) < 16, '{}', p_at)).updates)
   order by stamp desc limit 1;
   return v_last;
 end $$;
@@ -66,7 +66,7 @@ declare
   v_source  semap.source;
   v_ids     bigint[];
   v_states  semap.track_state[];
-  v_some    semap.arrival[];
+  v_some    semap.state_update[];
 begin
   select array_agg(track_id) into v_ids from semap.track_now where map_id = p_map_id and stamp > p_after;
   with stated as materialized (
@@ -84,7 +84,7 @@ begin
 
   for v_source in select * from semap.source where map_id = p_map_id and jump_m is not null loop
     v_some := array(
-      select semap.new_arrival(s, source_id => n.source_id, map_id => p_map_id, cell_m => n.cell_m,
+      select semap.new_state_update(s, source_id => n.source_id, map_id => p_map_id, cell_m => n.cell_m,
                                live => f.track_id is not null, seen_stamp => (f.state).stamp,
                                from_x_m => (f.state).x_m, from_y_m => (f.state).y_m, from_z_m => (f.state).z_m)
       from unnest(v_states) s
@@ -155,8 +155,8 @@ begin
   if c_queries = '{}' then
     return;
   end if;
-  perform semap.hold_regions();
-  perform semap.hold_pairs(p_map_id);
+  perform semap.lock_regions_shared();
+  perform semap.lock_pairs(p_map_id);
   v_complete := semap.map_complete_through(p_map_id);
   select through into v_through from semap.pair_progress where map_id = p_map_id;
   if v_complete > v_through then

@@ -1,8 +1,8 @@
 -- The past was otherwise: late states are queued with their batch (semap.late_state), and what is known of the past is
 -- corrected in transactions of their own, of so many states each, by the worker. What is written in one of them is one
 -- difference: what is taken back, what is added, and where things stand at present. Of regions a track is followed
--- anew, by itself (sql/139); writers of its source wait for that. Pairs of a map are played anew (sql/129) while all
--- go on, and only what is written keeps others out; what a play that went up to the present has not seen is played
+-- anew, by itself (sql/139); writers of its source wait for that. Pairs of a map are replayed anew (sql/129) while all
+-- go on, and only what is written keeps others out; what a replay that went up to the present has not seen is replayed
 -- again then.
 --
 -- An edit of the map corrects first what is queued, since what came before a region or a query got its form is not
@@ -15,7 +15,7 @@ declare
   v_track_id   bigint;
   v_corrected  bigint := 0;
 begin
-  perform semap.hold_source(p_source_id);
+  perform semap.lock_source(p_source_id);
   perform semap.flush_positions(array[p_source_id]);
   for v_track_id in
     select track_id from semap.late_state where source_id = p_source_id and not of_pairs
@@ -40,7 +40,7 @@ declare
   v_places  semap.track_state[];
 begin
   select * into v_plan from semap.plan_correction(p_map_id);
-  perform semap.hold_pairs(p_map_id);
+  perform semap.lock_pairs(p_map_id);
   if exists (select from semap.pair_progress
              where map_id = p_map_id and (revision <> v_plan.revision
                                           or v_plan.is_present and through <> v_plan.through)) then
@@ -73,7 +73,7 @@ begin
   if not exists (select from semap.late_state) then
     return 0;
   end if;
-  perform semap.hold_regions();
+  perform semap.lock_regions_shared();
   select s.source_id, s.map_id, l.of_pairs into v_late
   from semap.source s cross join lateral (
     select of_pairs from semap.late_state l where l.source_id = s.source_id order by of_pairs limit 1) l

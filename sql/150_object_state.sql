@@ -40,7 +40,7 @@ declare
   v_source    record;
   v_instance  record;
 begin
-  perform semap.hold_source(new.source_id);
+  perform semap.lock_source(new.source_id);
   select s.map_id, s.name, m.uid as map_uid, m.name as map_name into v_source
   from semap.source s join semap.map m using (map_id) where s.source_id = new.source_id;
   if not found then

@@ -158,7 +158,7 @@ begin
   if p_instance_ids is null then
     return;
   end if;
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   with wanted as materialized (
     select * from semap.leaves_wanted(p_instance_ids)
   ), gone as (

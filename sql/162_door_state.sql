@@ -143,8 +143,8 @@ begin
     raise exception 'The lines of one statement come from more than one source.'
       using errcode = 'cardinality_violation', hint = 'Insert or copy the lines of each source by themselves.';
   end if;
-  perform semap.hold_regions();
-  perform semap.hold_source(v_source_id);
+  perform semap.lock_regions_shared();
+  perform semap.lock_source(v_source_id);
   select map_id into v_map_id from semap.source where source_id = v_source_id;
   if not found then
     raise exception 'There is no source %.', v_source_id

@@ -41,20 +41,20 @@ create or replace function semap.end_tracks(p_source_id integer, p_track_ids big
 returns void
 language plpgsql as $$
 begin
-  perform semap.hold_regions();
-  perform semap.hold_source(p_source_id);
-  perform set_config('semap.source_is_held', 'on', true);
+  perform semap.lock_regions_shared();
+  perform semap.lock_source(p_source_id);
+  perform set_config('semap.source_is_locked', 'on', true);
   update semap.track k set ended_at = e.stamp
   from unnest(p_track_ids, p_stamps) e (track_id, stamp)
   where k.track_id = e.track_id and k.source_id = p_source_id;
-  perform set_config('semap.source_is_held', 'off', true);
+  perform set_config('semap.source_is_locked', 'off', true);
 end $$;
 
 -- One writer of amendments at a time, until its transaction ends: whoever has seen one has seen those before it.
 create or replace function semap.track_amendments_arrive() returns trigger
 language plpgsql as $$
 begin
-  perform semap.hold_regions();
+  perform semap.lock_regions_shared();
   perform pg_advisory_xact_lock(7368, 0);
   return null;
 end $$;

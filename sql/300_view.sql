@@ -9,7 +9,7 @@ create or replace view semap.relation_held with (security_invoker = true) as
   union all
   select p.query_id, p.map_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id, p.since
   from semap.pair p
-  where p.held;
+  where p.confirmed;
 
 -- What holds now by every continuous query, by name; subject and object are the names of whichever kind they are.
 create or replace view semap.relation_now with (security_invoker = true) as

@@ -68,7 +68,7 @@ end $$;
 
 -- Make the view of each concept that has none yet, and drop those of concepts that are gone; what is as it should be is
 -- left alone. Of concepts whose views would have one name the oldest has it. A view that somebody else's object depends
--- on stays. Edits of concepts are one at a time (semap.change_regions), so that no two make one view.
+-- on stays. Edits of concepts are one at a time (semap.lock_regions_exclusive), so that no two make one view.
 create or replace function semap.make_concept_views() returns void
 language plpgsql security definer set search_path = pg_catalog, pg_temp as $$
 declare

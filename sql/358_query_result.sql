@@ -28,7 +28,7 @@ language sql stable parallel safe as $$
     case when p_query.in_pairs then 'semap.pair n' else 'semap.relation n' end,
     p_query.subject_kind, case p_query.subject_kind when 'track' then 'track_id' else 'subject_instance_id' end,
     p_query.object_kind, case p_query.object_kind when 'track' then 'object_track_id' else 'instance_id' end,
-    p_query.query_id) || case when p_query.in_pairs then ' and n.held' else '' end
+    p_query.query_id) || case when p_query.in_pairs then ' and n.confirmed' else '' end
 $$;
 
 -- What holds by a query now, as its view has it, after a place in the order of its ids; each row as JSON (shapes as

@@ -57,7 +57,7 @@ declare
   v_all    bigint[] := array(select instance_id from semap.instance where map_id = p_map_id);
   v_pairs  record;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   select array_agg(s.reference_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
            as refs,
          array_agg(s.target_id order by s.target_id, common_m2 desc nulls last, st_area(r.geometry), s.reference_id)
@@ -81,7 +81,7 @@ declare
   v_all    bigint[] := array(select instance_id from semap.instance where map_id = p_map_id);
   v_pairs  record;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   select array_agg(d.container_id order by d.target_id, st_area(c.geometry), d.container_id) as refs,
          array_agg(d.target_id order by d.target_id, st_area(c.geometry), d.container_id) as targets
   into v_pairs
@@ -98,7 +98,7 @@ language plpgsql as $$
 declare
   v_each  record;
 begin
-  perform semap.change_regions();
+  perform semap.lock_regions_exclusive();
   for v_each in
     select i.instance_id, i.frame_id, f.parent_id, r.root_id
     from semap.instance i join semap.frame f using (frame_id)

@@ -1,7 +1,7 @@
 -- What must hold of relations, computed anew from what they follow from, and how what is stored differs from it. Each
 -- function with a name that ends in _differences gives a row for each thing that differs: what it is, what is stored,
 -- what should be. They change nothing and see one snapshot: in a transaction at REPEATABLE READ they are right while
--- others write. Careful regions, whose relations depend on the way, are followed by `semap doctor --verify` itself.
+-- others write. Stateful regions, whose relations depend on the way, are followed by `semap doctor --verify` itself.
 
 -- Where each track of a map is by what is stored, whether or not its place is written already (sql/134).
 create or replace function semap.present_places(p_map_id integer) returns table (
@@ -28,9 +28,10 @@ language sql stable as $$
          case when w.query_id is null then 'none' else 'what the map and the query say' end
   from stored r full join wanted w on w.query_id = r.query_id and w.instance_id = r.instance_id
   where r.query_id is null or w.query_id is null
-     or not to_jsonb(r) @> to_jsonb(w) - '{footprint,shape,core,reach}'::text[]
-     or (st_asbinary(r.footprint), st_asbinary(r.shape), st_asbinary(r.core), st_asbinary(r.reach)) is distinct from
-        (st_asbinary(w.footprint), st_asbinary(w.shape), st_asbinary(w.core), st_asbinary(w.reach))
+     or not to_jsonb(r) @> to_jsonb(w) - '{footprint,shape,enter_area,leave_area}'::text[]
+     or (st_asbinary(r.footprint), st_asbinary(r.shape), st_asbinary(r.enter_area),
+         st_asbinary(r.leave_area)) is distinct from
+        (st_asbinary(w.footprint), st_asbinary(w.shape), st_asbinary(w.enter_area), st_asbinary(w.leave_area))
 $$;
 
 -- Cells and edges of regions against those made anew.
@@ -45,7 +46,7 @@ language sql stable as $$
     select 'edges', region_id, e::text from own, semap.edges_of_regions(ids) e
   ), stored as materialized (
     select 'cells' as kind, region_id,
-           row(map_id, cell_x, cell_y, region_id, whole, careful, z_min_m, z_max_m)::text as piece
+           row(map_id, cell_x, cell_y, region_id, whole, stateful, z_min_m, z_max_m)::text as piece
     from semap.region_cell where map_id = p_map_id
     union all
     select 'edges', region_id,
@@ -126,33 +127,34 @@ language sql stable as $$
   ) d (stored, wanted)
 $$;
 
--- The regions that the present of each track says it is in, against its relations; and verges against relations.
+-- The regions that the present of each track says it is in, against its relations; and kept against relations.
 create or replace function semap.held_differences(p_map_id integer)
 returns table (track_id bigint, thing text, stored text, wanted text)
 language sql stable as $$
   with held as materialized (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}')
+    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}')
       as plain_ids,
-           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
+           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
     from semap.relation n join semap.region r using (region_id)
     where n.map_id = p_map_id group by n.track_id
   )
   select t.track_id, format('track %s, regions of its present', k.name),
-         array_to_string(t.region_ids || t.careful_ids, ' '), array_to_string(h.plain_ids || h.careful_ids, ' ')
+         array_to_string(t.region_ids || t.stateful_ids, ' '), array_to_string(h.plain_ids || h.stateful_ids, ' ')
   from semap.track_now t join semap.track k using (track_id) left join held h on h.track_id = t.track_id
   where t.map_id = p_map_id
-    and (t.region_ids, t.careful_ids) is distinct from (coalesce(h.plain_ids, '{}'), coalesce(h.careful_ids, '{}'))
+    and (t.region_ids, t.stateful_ids) is distinct from (coalesce(h.plain_ids, '{}'), coalesce(h.stateful_ids, '{}'))
   union all
-  select v.track_id, format('track %s, verge of %s (%s)', k.name, r.instance_name, r.query_name),
-         case when v.held then 'held' else 'not held' end, case when v.held then 'no relation' else 'a relation' end
-  from semap.verge v
+  select v.track_id, format('track %s, debounce_state of %s (%s)', k.name, r.instance_name, r.query_name),
+         case when v.confirmed then 'held' else 'not held' end,
+         case when v.confirmed then 'no relation' else 'a relation' end
+  from semap.debounce_state v
   join semap.track k using (track_id)
   join semap.region r using (region_id)
   left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
-  where v.map_id = p_map_id and v.held <> (n.track_id is not null)
+  where v.map_id = p_map_id and v.confirmed <> (n.track_id is not null)
 $$;
 
--- Which plain regions hold each live track of a map, by its place and their footprints alone.
+-- Which stateless regions hold each live track of a map, by its place and their footprints alone.
 create or replace function semap.plain_relations(p_map_id integer)
 returns table (track_id bigint, region_id integer)
 language plpgsql as $$
@@ -160,7 +162,7 @@ begin
   drop table if exists pg_temp.semap_footprint;
   create temporary table semap_footprint on commit drop as
     select r.region_id, r.footprint, r.z_min_m, r.z_max_m from semap.region r
-    where r.map_id = p_map_id and not r.careful;
+    where r.map_id = p_map_id and not r.stateful;
   create index on pg_temp.semap_footprint using gist (footprint);
   analyze pg_temp.semap_footprint;
   return query
@@ -170,7 +172,7 @@ begin
     where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m);
 end $$;
 
--- Relations with plain regions against where the tracks are; and relations with nothing.
+-- Relations with stateless regions against where the tracks are; and relations with nothing.
 create or replace function semap.plain_differences(p_map_id integer)
 returns table (track_id bigint, region_id integer, thing text, stored text, wanted text)
 language sql as $$
@@ -179,7 +181,7 @@ language sql as $$
   ), stored as materialized (
     select n.track_id, n.region_id, n.query_id, n.instance_id, n.since
     from semap.relation n left join semap.region r using (region_id)
-    where n.map_id = p_map_id and r.careful is not true
+    where n.map_id = p_map_id and r.stateful is not true
   )
   select coalesce(s.track_id, w.track_id), coalesce(s.region_id, w.region_id),
          format('track %s, %s (%s)', k.name, coalesce(r.instance_name, 'a region that is gone'), r.query_name),

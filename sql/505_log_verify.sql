@@ -13,7 +13,7 @@ $$;
 create or replace function semap.place_in_moment(p_change semap.relation_change, p_turn bigint) returns bigint
 language sql immutable parallel safe as $$
   select case when (p_change).kind = 'began' then 2 * p_turn - 1
-              when (p_change).since < (p_change).edge_at then 0 else 2 * p_turn end
+              when (p_change).since < (p_change).transition_at then 0 else 2 * p_turn end
 $$;
 
 -- The changes that stand, each with the one before it of the same two things, in the order in which they happened. What
@@ -23,14 +23,15 @@ create or replace function semap.folded_changes(p_map_id integer) returns table 
 )
 language sql stable as $$
   with ordered as (
-    select c, case when bool_or(c.amendment is not null) over one_pair then c.edge_at end as moment,
+    select c, case when bool_or(c.amendment is not null) over one_pair then c.transition_at end as moment,
            row_number() over (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id,
                               c.object_track_id,
-                                           c.edge_at, c.kind, c.since < c.edge_at order by c.change_id) as turn
+                                           c.transition_at, c.kind, c.since < c.transition_at
+                                             order by c.change_id) as turn
     from semap.standing_changes(p_map_id) c
     window one_pair as (partition by c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id)
   )
-  select c, lag((c).kind) over one_pair, lag((c).edge_at) over one_pair, lead((c).kind) over one_pair is null
+  select c, lag((c).kind) over one_pair, lag((c).transition_at) over one_pair, lead((c).kind) over one_pair is null
   from ordered
   window one_pair as (partition by (c).query_id, (c).track_id, (c).subject_instance_id, (c).instance_id,
                       (c).object_track_id
@@ -47,7 +48,7 @@ language sql stable as $$
   select query_id, track_id, null, instance_id, null, since from semap.relation where map_id = p_map_id
   union all
   select query_id, track_id, subject_instance_id, instance_id, object_track_id, since
-  from semap.pair where map_id = p_map_id and held
+  from semap.pair where map_id = p_map_id and confirmed
 $$;
 
 -- Two things of a query by name, as the log tells of them.
@@ -84,7 +85,7 @@ language sql stable as $$
   ), open as (
     select (change).* from folded where is_newest and (change).kind = 'began'
   )
-  select (change).change_id, semap.pair_in_words(change), format('%s at %s', (change).kind, (change).edge_at),
+  select (change).change_id, semap.pair_in_words(change), format('%s at %s', (change).kind, (change).transition_at),
          case when before_kind is null then 'that it began, before'
               else format('not after it %s at %s', before_kind, before_edge_at) end
   from folded, kept
@@ -92,7 +93,8 @@ language sql stable as $$
   union all
   select (change).change_id, semap.pair_in_words(change), 'ended, since ' || (change).since, 'since ' || before_edge_at
   from folded
-  where before_kind = 'began' and (change).kind = 'ended' and (change).since <> least(before_edge_at, (change).edge_at)
+  where before_kind = 'began' and (change).kind = 'ended'
+    and (change).since <> least(before_edge_at, (change).transition_at)
   union all
   select o.change_id,
          case when o.change_id is null
@@ -101,14 +103,14 @@ language sql stable as $$
               else semap.pair_in_words(o) end,
          case when h.query_id is null then 'no relation' else 'a relation since ' || h.since end,
          case when o.change_id is null then 'no relation, by the log'
-              else 'a relation since ' || o.edge_at || ', by the log' end
+              else 'a relation since ' || o.transition_at || ', by the log' end
   from open o
   full join semap.held_relations(p_map_id) h
     on h.query_id = o.query_id
     and coalesce(h.track_id, 0) = coalesce(o.track_id, 0) and coalesce(h.instance_id, 0) = coalesce(o.instance_id, 0)
     and coalesce(h.subject_instance_id, 0) = coalesce(o.subject_instance_id, 0)
     and coalesce(h.object_track_id, 0) = coalesce(o.object_track_id, 0)
-  where o.edge_at is distinct from h.since
+  where o.transition_at is distinct from h.since
     and not (o.change_id is null and h.since < (select since from kept))
 $$;
 
@@ -119,8 +121,9 @@ language sql stable as $$
   with kept as (
     select coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity') as since
   ), told as (
-    select c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id, c.since, c.edge_at as until
-    from semap.standing_changes(p_map_id) c where c.kind = 'ended' and c.edge_at >= (select since from kept)
+    select c.query_id, c.track_id, c.subject_instance_id, c.instance_id, c.object_track_id, c.since,
+           c.transition_at as until
+    from semap.standing_changes(p_map_id) c where c.kind = 'ended' and c.transition_at >= (select since from kept)
   ), kept_past as (
     select p.query_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id, p.since, p.until
     from semap.relation_past p where p.map_id = p_map_id and p.until >= (select since from kept)

@@ -113,8 +113,8 @@ language sql stable as $$
          coalesce(case q.follows_from when 'rank' then n.query_id is null when 'trend' then not r.raw
                   else r.leaves end, true),
          q.follows_from = 'trend' and coalesce(r.raw, false),
-         greatest(s.stamp, o.stamp) < (p.p).inside_at + q.enter_confirm is not true,
-         greatest(s.stamp, o.stamp) < (p.p).inside_at + q.leave_confirm is not true
+         greatest(s.stamp, o.stamp) < (p.p).pending_at + q.enter_confirm is not true,
+         greatest(s.stamp, o.stamp) < (p.p).pending_at + q.leave_confirm is not true
   from looked_at l
   left join query q on q.query_id = l.query_id
   left join member s on s.query_id = l.query_id and s.key = l.subject_key and not s.is_object
@@ -136,22 +136,24 @@ language sql stable as $$
                 else '' end || coalesce(s.subject_name, 'something'),
                 case when s.object_key > 0 then 'track ' else '' end || coalesce(s.object_name, 'something'),
                 coalesce(s.query_name, 'a query that is gone')),
-         case when (s.pair).pair_id is null then 'no pair' when s.follows_from = 'way' and not (s.pair).held
+         case when (s.pair).pair_id is null then 'no pair' when s.follows_from = 'way' and not (s.pair).confirmed
            then 'a side of a line'
-              when (s.pair).held and (s.pair).inside then 'holds since ' || (s.pair).since
-              when (s.pair).held then 'about to end' when (s.pair).inside then 'about to begin' else 'followed' end,
+              when (s.pair).confirmed and (s.pair).pending then 'holds since ' || (s.pair).since
+              when (s.pair).confirmed then 'about to end' when (s.pair).pending
+                then 'about to begin' else 'followed' end,
          d.wanted
   from semap.standing_pairs(p_map_id) s
   cross join lateral (
     select case
       when not s.have_members then 'no pair, since one of them takes no part'
-      when s.follows_from = 'way' then case when (s.pair).held then 'never held' end
-      when s.enters and (s.pair).inside is not true then 'holds, or about to begin'
-      when s.leaves and (s.pair).inside then 'does not hold, or about to end'
-      when (s.pair).inside and not (s.pair).held and s.begins_by_now then 'holds by now'
-      when (s.pair).held and not (s.pair).inside and s.ends_by_now then 'ended by now'
+      when s.follows_from = 'way' then case when (s.pair).confirmed then 'never held' end
+      when s.enters and (s.pair).pending is not true then 'holds, or about to begin'
+      when s.leaves and (s.pair).pending then 'does not hold, or about to end'
+      when (s.pair).pending and not (s.pair).confirmed and s.begins_by_now then 'holds by now'
+      when (s.pair).confirmed and not (s.pair).pending and s.ends_by_now then 'ended by now'
       when s.is_near and (s.pair).distance_at is null then 'followed, with the distance between the two'
-      when (s.pair).pair_id is not null and not (s.pair).held and not (s.pair).inside and not s.is_near then 'no pair'
+      when (s.pair).pair_id is not null and not (s.pair).confirmed and not (s.pair).pending
+        and not s.is_near then 'no pair'
     end as wanted) d
   where d.wanted is not null
 $$;

@@ -38,9 +38,10 @@ language sql stable as $$
     select (f.change).*, f.is_newest from semap.folded_changes(p_map_id) f
     where (f.change).query_id in (table asked)
   ), span as materialized (
-    select query_id, track_id, object_track_id, since as from_at, edge_at as to_at from folded where kind = 'ended'
+    select query_id, track_id, object_track_id, since as from_at, transition_at as to_at from folded
+      where kind = 'ended'
     union all
-    select query_id, track_id, object_track_id, edge_at, 'infinity' from folded where kind = 'began' and is_newest
+    select query_id, track_id, object_track_id, transition_at, 'infinity' from folded where kind = 'began' and is_newest
   ), newest as (
     select f.stamp, row_number() over (order by change_id desc) as place, count(*) over () as places
     from (select * from folded where cause <> 'map' order by change_id desc limit 1000) f
@@ -60,14 +61,14 @@ language sql stable as $$
   from (select *, true as is_logged from (table logged except table stood) l
         union all
         select *, false from (table stood except table logged) s) d
-  where (semap.pair_formed(d.query_id, d.track_id, d.object_track_id) >= d.at) is not true
+  where (semap.pair_valid_from(d.query_id, d.track_id, d.object_track_id) >= d.at) is not true
 $$;
 
 -- Where a track crossed a line, by its states of the last hour up to a moment: stamps of the states that showed it.
 create or replace function semap.crossings_again(
   p_now semap.track_now, p_line public.geometry, p_fastest_mps double precision, p_longest_gap interval,
   p_to timestamptz
-) returns table (stamp timestamptz, edge_at timestamptz, direction text, z_m double precision)
+) returns table (stamp timestamptz, transition_at timestamptz, direction text, z_m double precision)
 language plpgsql stable as $$
 declare
   v_before  semap.track_state;
@@ -79,12 +80,12 @@ declare
 begin
   select * into v_source from semap.source where source_id = p_now.source_id;
   for v_now in
-    select s.* from semap.states_of((semap.arrivals_again(
+    select s.* from semap.states_of((semap.updates_again(
       v_source, array(select s from semap.states(array[p_now.track_id], v_from, p_to) s),
       p_now, v_from = p_now.first_stamp,
       array(select e.stamp from semap.track_end e where e.track_id = p_now.track_id
             and e.stamp between v_from and p_to),
-      p_to)).arrivals) s order by s.stamp
+      p_to)).updates) s order by s.stamp
   loop
     if v_before.stamp is null or v_before.is_last or v_now.x_m is null then
       v_side := null;
@@ -114,7 +115,7 @@ language sql stable as $$
     select q.query_id, q.name, q.direction, q.dimensions, q.longest_gap, q.fastest_mps, n as present, i.instance_id,
            i.name as line, i.shape, i.z_min_m, i.z_max_m, w.name as track, p.through,
            greatest(n.first_stamp, least(n.stamp, p.through) - interval '1 h',
-                    semap.pair_formed(q.query_id, n.track_id, -i.instance_id)) as since
+                    semap.pair_valid_from(q.query_id, n.track_id, -i.instance_id)) as since
     from semap.continuous_query q
     join semap.query_predicate d using (query_id, map_id)
     join semap.pair_progress p using (map_id)

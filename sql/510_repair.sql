@@ -21,7 +21,7 @@ begin
 end $$;
 
 -- Write the regions of a map anew where they are not what the queries and the map ask for, and the cells and edges of
--- all. Those that nobody asks for stay, for what ends with them. Says which careful ones are other ones now.
+-- all. Those that nobody asks for stay, for what ends with them. Says which stateful ones are other ones now.
 create or replace function semap.repair_regions(p_map_id integer) returns integer[]
 language plpgsql as $$
 declare
@@ -36,8 +36,8 @@ begin
     'with written as ('
     ' insert into semap.region (%1$s) select %1$s from semap.region_wanted'
     ' where map_id = $1 and (query_id, instance_id) in (select query_id, instance_id from semap.region_differences($1))'
-    ' on conflict (query_id, instance_id) do update set (%1$s) = row(%2$s) returning region_id, careful)'
-    ' select array_agg(region_id) filter (where careful) from written', v_columns, v_excluded)
+    ' on conflict (query_id, instance_id) do update set (%1$s) = row(%2$s) returning region_id, stateful)'
+    ' select array_agg(region_id) filter (where stateful) from written', v_columns, v_excluded)
   into v_changed using p_map_id;
   perform semap.index_regions(array_agg(region_id)) from semap.region where map_id = p_map_id;
   return coalesce(v_changed, '{}');
@@ -45,7 +45,7 @@ end $$;
 
 -- Make relations of a map what its log says that they are, since that is what clients and rules believe; a stay in a
 -- region that is gone ends. Says which pairs were written.
-create or replace function semap.relate_as_told(p_map_id integer)
+create or replace function semap.relate_as_logged(p_map_id integer)
 returns table (track_id bigint, region_id integer)
 language plpgsql as $$
 begin
@@ -53,11 +53,11 @@ begin
   insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,
                                      instance_name,
                                      subject_instance_id, subject_instance_name, object_track_id, object_track_name,
-                                     kind, cause, stamp, edge_at, since, x_m, y_m, amendment, retracts)
+                                     kind, cause, stamp, transition_at, since, x_m, y_m, amendment, retracts)
   select gen_random_uuid(), c.map_id, c.query_id, c.query_name, c.track_id, c.track_name, c.instance_id,
          c.instance_name,
          c.subject_instance_id, c.subject_instance_name, c.object_track_id, c.object_track_name,
-         c.kind, 'map', c.stamp, c.edge_at, c.since, c.x_m, c.y_m, 'retracted', c.uid
+         c.kind, 'map', c.stamp, c.transition_at, c.since, c.x_m, c.y_m, 'retracted', c.uid
   from semap.log_differences(p_map_id) d
   join semap.relation_change c using (change_id)
   join semap.folded_changes(p_map_id) f on (f.change).change_id = c.change_id
@@ -71,18 +71,19 @@ begin
   ), adrift as (
     select o.* from open o left join semap.region r using (query_id, instance_id) where r.region_id is null
   ), moment as (
-    select a.change_id, greatest(t.stamp, a.edge_at) as at from adrift a left join semap.track_now t using (track_id)
+    select a.change_id, greatest(t.stamp, a.transition_at) as at from adrift a left join semap.track_now t
+      using (track_id)
   )
   insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,
                                      instance_name,
-                                     kind, cause, stamp, edge_at, since)
+                                     kind, cause, stamp, transition_at, since)
   select gen_random_uuid(), map_id, query_id, query_name, a.track_id, track_name, instance_id, instance_name,
-         'ended', 'map', at, at, edge_at
+         'ended', 'map', at, at, transition_at
   from adrift a join moment using (change_id);
 
   return query
   with open as (
-    select (f.change).track_id, r.region_id, r.query_id, r.instance_id, r.map_id, (f.change).edge_at as since
+    select (f.change).track_id, r.region_id, r.query_id, r.instance_id, r.map_id, (f.change).transition_at as since
     from semap.folded_changes(p_map_id) f
     join semap.region r on r.query_id = (f.change).query_id and r.instance_id = (f.change).instance_id
     where f.is_newest and (f.change).kind = 'began' and (f.change).track_id is not null
@@ -105,7 +106,7 @@ begin
   select * from unsaid union select * from said;
 end $$;
 
--- Make all that is kept of the relations of a map what it follows from. Relations with careful regions that are named
+-- Make all that is kept of the relations of a map what it follows from. Relations with stateful regions that are named
 -- (tracks and regions, in pairs) begin anew, as after an edit. Says how many relations began or ended by it.
 create or replace function semap.repair_relations(p_map_id integer, p_track_ids bigint[], p_region_ids integer[])
 returns bigint
@@ -117,13 +118,13 @@ declare
   v_crossings  semap.crossing[];
   v_pairs      bigint;
 begin
-  perform semap.change_regions(), semap.correct_all(p_map_id);
+  perform semap.lock_regions_exclusive(), semap.correct_all(p_map_id);
   perform semap.repair_presents(p_map_id);
   perform semap.choose_tracks(array_agg(query_id), null) from semap.continuous_query where map_id = p_map_id
   having count(*) > 0;
   v_changed := semap.repair_regions(p_map_id);
   select array_agg(row(track_id, region_id, null, null, null, null, null, null)::semap.crossing) into v_told
-  from semap.relate_as_told(p_map_id);
+  from semap.relate_as_logged(p_map_id);
 
   select array_agg(row(track_id, region_id, null, null, null, null, null, null)::semap.crossing) into v_anew
   from (
@@ -132,9 +133,9 @@ begin
     union select n.track_id, r.region_id from semap.region r join semap.track_now n using (map_id)
     where r.region_id = any (v_changed)
     union select v.track_id, v.region_id
-    from semap.verge v left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
-    where v.map_id = p_map_id and v.held <> (n.track_id is not null)) p;
-  delete from semap.verge v using unnest(v_anew) p where v.track_id = p.track_id and v.region_id = p.region_id;
+    from semap.debounce_state v left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
+    where v.map_id = p_map_id and v.confirmed <> (n.track_id is not null)) p;
+  delete from semap.debounce_state v using unnest(v_anew) p where v.track_id = p.track_id and v.region_id = p.region_id;
 
   with held as (
     select track_id, region_id from semap.relation where map_id = p_map_id
@@ -143,14 +144,14 @@ begin
     union all
     select h.track_id, h.region_id
     from held h join semap.region r using (region_id) join semap.track_now t using (track_id)
-    where r.careful and t.live
+    where r.stateful and t.live
       and not exists (select from unnest(v_anew) p where p.track_id = h.track_id and p.region_id = h.region_id)
     union all
     select t.track_id, r.region_id
     from unnest(v_anew) p
     join semap.track_now t on t.track_id = p.track_id and t.live
-    join semap.region r on r.region_id = p.region_id and r.careful
-    where (select side from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+    join semap.region r on r.region_id = p.region_id and r.stateful
+    where (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
       and (r.subject is null or exists (select from semap.query_track s
                                         where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
   ), wanted as (
@@ -172,12 +173,12 @@ begin
 
   -- whatever is kept of a track is looked up at its next state
   update semap.track_now t
-  set region_ids = coalesce(h.plain_ids, '{}'), careful_ids = coalesce(h.careful_ids, '{}'), calm_x_min_m = 'infinity'
+  set region_ids = coalesce(h.plain_ids, '{}'), stateful_ids = coalesce(h.stateful_ids, '{}'), safe_x_min_m = 'infinity'
   from semap.track_now o
   left join (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.careful), '{}')
+    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}')
       as plain_ids,
-           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.careful), '{}') as careful_ids
+           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
     from semap.relation n join semap.region r using (region_id) where n.map_id = p_map_id group by n.track_id) h
       using (track_id)
   where o.map_id = p_map_id and t.track_id = o.track_id;
@@ -193,8 +194,8 @@ language sql as $$
     select coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity') as since
   ), told as (
     select c.*, row_number() over (partition by query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                                                since, edge_at order by change_id) as copy
-    from semap.standing_changes(p_map_id) c where kind = 'ended' and edge_at >= (select since from kept)
+                                                since, transition_at order by change_id) as copy
+    from semap.standing_changes(p_map_id) c where kind = 'ended' and transition_at >= (select since from kept)
   ), stored as (
     select p.*, row_number() over (partition by query_id, track_id, subject_instance_id, instance_id, object_track_id,
                                                 since, until order by relation_past_id) as copy
@@ -202,7 +203,7 @@ language sql as $$
   ), compared as (
     select s.relation_past_id, t.change_id
     from told t full join stored s
-      on s.query_id = t.query_id and s.since = t.since and s.until = t.edge_at and s.copy = t.copy
+      on s.query_id = t.query_id and s.since = t.since and s.until = t.transition_at and s.copy = t.copy
       and coalesce(s.track_id, 0) = coalesce(t.track_id, 0) and coalesce(s.instance_id, 0) = coalesce(t.instance_id, 0)
       and coalesce(s.subject_instance_id, 0) = coalesce(t.subject_instance_id, 0)
       and coalesce(s.object_track_id, 0) = coalesce(t.object_track_id, 0)
@@ -216,6 +217,6 @@ language sql as $$
                                    object_track_name,
                                    since, until)
   select map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, since, edge_at
+         instance_id, instance_name, object_track_id, object_track_name, since, transition_at
   from semap.relation_change where change_id in (select change_id from compared where change_id is not null)
 $$;

@@ -2,7 +2,7 @@
 
 -- Make pairs of a map what its log says that they are, since that is what clients and rules believe; what holds with
 -- something that takes no part ends. Says which were written.
-create or replace function semap.pair_as_told(p_map_id integer)
+create or replace function semap.pair_as_logged(p_map_id integer)
 returns table (query_id integer, subject_key bigint, object_key bigint)
 language plpgsql as $$
 #variable_conflict use_column
@@ -31,13 +31,13 @@ begin
 
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
-    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, edge_at, since)
+    instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, transition_at, since)
   select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, subject_instance_id,
          subject_instance_name,
-         instance_id, instance_name, object_track_id, object_track_name, 'ended', 'map', m.at, m.at, edge_at
+         instance_id, instance_name, object_track_id, object_track_name, 'ended', 'map', m.at, m.at, transition_at
   from pg_temp.semap_open a
   cross join lateral (
-    select greatest(coalesce(max(t.stamp), clock_timestamp()), a.edge_at) as at
+    select greatest(coalesce(max(t.stamp), clock_timestamp()), a.transition_at) as at
     from semap.track_now t where t.track_id in (a.track_id, a.object_track_id)) m
   where not is_there
   order by m.at, change_id;
@@ -45,7 +45,7 @@ begin
   return query
   with unsaid as (
     delete from semap.pair p
-    where p.map_id = p_map_id and p.held
+    where p.map_id = p_map_id and p.confirmed
       and not exists (select from pg_temp.semap_open o
                       where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key
                         and o.object_key = p.object_key)
@@ -54,12 +54,13 @@ begin
     returning p.query_id, p.subject_key, p.object_key
   ), said as (
     insert into semap.pair as p (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                                 held, since, inside, inside_at)
-    select map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, true, edge_at, true, edge_at
+                                 confirmed, since, pending, pending_at)
+    select map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, true, transition_at, true,
+           transition_at
     from pg_temp.semap_open where is_there
     on conflict (query_id, subject_key, object_key) do update
-    set held = true, since = excluded.since, inside = p.inside or not p.held,
-        inside_at = case when p.held then p.inside_at else excluded.inside_at end
+    set confirmed = true, since = excluded.since, pending = p.pending or not p.confirmed,
+        pending_at = case when p.confirmed then p.pending_at else excluded.pending_at end
     where p.since is distinct from excluded.since
     returning p.query_id, p.subject_key, p.object_key
   )
@@ -78,7 +79,7 @@ declare
   v_pairs    semap.relation_state[];
   v_step     record;
 begin
-  perform semap.pair_as_told(p_map_id);
+  perform semap.pair_as_logged(p_map_id);
   delete from semap.pair p
   where p.map_id = p_map_id and not (
     exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id
@@ -94,7 +95,7 @@ begin
   perform semap.keep_followed(p_map_id, array(select key from unnest(v_keys) key where key > 0),
                               array(select s from semap.tracks_followed(p_map_id) s));
   update semap.pair_instance m
-  set formed_stamp = n.newest, formed_track_id = n.newest_id
+  set valid_from = n.newest, valid_from_track_id = n.newest_id
   from (select max(p.through) as newest, max(t.track_id) as newest_id
         from semap.track_now t join semap.pair_progress p using (map_id) where t.map_id = p_map_id) n
   where m.map_id = p_map_id and m.instance_id = any (v_edited) and n.newest is not null;
@@ -114,7 +115,7 @@ begin
   -- what the log says of the past stays, and is no matter of what these queries are from now on
   if exists (select from semap.pair_history_differences(p_map_id))
     or exists (select from semap.crossing_differences(p_map_id)) then
-    perform semap.note_pair_forms(array(select query_id from semap.continuous_query where map_id = p_map_id
+    perform semap.note_pair_queries(array(select query_id from semap.continuous_query where map_id = p_map_id
                                         and in_pairs));
   end if;
   return (select count(*) from semap.relation_change

@@ -53,8 +53,8 @@ begin
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.track, semap.track_now, semap.track_amendment,'
     ' semap.predicate, semap.continuous_query, semap.condition, semap.region, semap.relation,'
-    ' semap.relation_change, semap.relation_past, semap.verge,'
-    ' semap.query_track, semap.pair, semap.pair_form, semap.pair_instance, semap.followed_state, semap.pair_progress,'
+    ' semap.relation_change, semap.relation_past, semap.debounce_state,'
+    ' semap.query_track, semap.pair, semap.pair_query, semap.pair_instance, semap.followed_state, semap.pair_progress,'
     ' semap.track_end, semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count,'
     ' semap.event_evidence,'
@@ -66,7 +66,8 @@ begin
   -- the place of an event among those of all maps, and how far the log is, would tell how much happens on others
   execute (
     select format('grant select (%s) on semap.event to %s', string_agg(quote_ident(attname), ', '), c_own)
-    from pg_attribute where attrelid = 'semap.event'::regclass and attnum > 0 and not attisdropped and attname <> 'seq');
+    from pg_attribute where attrelid = 'semap.event'::regclass and attnum > 0 and not attisdropped
+      and attname <> 'seq');
   execute 'grant select (worker) on semap.progress to ' || c_own;
 end $$;
 

@@ -3,7 +3,7 @@
 do $$
 begin
   if exists (select from semap.query_predicate where object_compared = 'line' and enabled) then
-    perform semap.change_regions();
+    perform semap.lock_regions_exclusive();
     perform set_config('search_path', 'public, pg_temp', true);
     perform semap.refresh_pairs(array_agg(query_id), null)
     from semap.query_predicate where object_compared = 'line' and in_pairs and enabled;

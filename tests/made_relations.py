@@ -61,8 +61,8 @@ def insert(world: World, table: str, values: Mapping[str, object]) -> None:
 def hold(world: World, query_id: int, subject: Thing, object_: Thing, since_s: float) -> None:
     """It holds from then on."""
     insert(world, "pair", {
-        "map_id": world.map_id, "query_id": query_id, **sides(subject, object_, named=False), "held": True,
-        "since": at(since_s), "inside": True,
+        "map_id": world.map_id, "query_id": query_id, **sides(subject, object_, named=False), "confirmed": True,
+        "since": at(since_s), "pending": True,
     })  # fmt: skip
 
 
@@ -92,7 +92,7 @@ def change(
     uid = str(uuid5(NAMESPACE_OID, f"{query_id}|{kind}|{cause}|{subject}|{object_}|{stamp_s}"))
     insert(world, "relation_change", {
         "uid": uid, "map_id": world.map_id, "query_id": query_id, "query_name": name, "kind": kind,
-        "cause": cause, **sides(subject, object_), "stamp": at(stamp_s), "edge_at": at(stamp_s),
+        "cause": cause, **sides(subject, object_), "stamp": at(stamp_s), "transition_at": at(stamp_s),
         "since": at(stamp_s if since_s is None else since_s), **more,
     })  # fmt: skip
     return uid

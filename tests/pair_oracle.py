@@ -9,9 +9,9 @@ from types import MappingProxyType
 from uuid import UUID
 
 import shapely
-from careful_oracle import grown
 from line_oracle import walked
 from shapely import affinity
+from stateful_oracle import grown
 
 US = 1_000_000
 DIRECTIONS = ("in_front_of", "behind", "left_of", "right_of")

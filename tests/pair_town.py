@@ -213,7 +213,7 @@ class Town:
             for row in self.world.rows(
                 "select kind::text, cause::text, coalesce(track_name, subject_instance_name),"
                 " coalesce(instance_name, object_track_name), (extract(epoch from stamp) * 1000000)::bigint,"
-                " (extract(epoch from edge_at) * 1000000)::bigint, (extract(epoch from since) * 1000000)::bigint,"
+                " (extract(epoch from transition_at) * 1000000)::bigint, (extract(epoch from since) * 1000000)::bigint,"
                 " x_m, y_m, direction from semap.relation_change where query_id = %s order by change_id",
                 self.query_id,
             )

@@ -10,7 +10,7 @@ from uuid import NAMESPACE_URL, uuid5
 
 import psycopg
 import shapely
-from careful_oracle import Asked, Sample
+from stateful_oracle import Asked, Sample
 
 from semap.model.predicate import Kind
 from semap.store.database.connection import connect

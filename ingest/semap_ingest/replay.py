@@ -146,7 +146,7 @@ def _register(
     connection: psycopg.Connection, plan: Plan, tracks: Tracks, concept_id: int | None
 ) -> _Registered:
     """Make the source, the recording and its tracks, where they are missing, within a transaction."""
-    connection.execute("select semap.hold_regions()")
+    connection.execute("select semap.lock_regions_shared()")
     map_id, map_uid = _one(connection, "select map_id, uid from semap.map where name = %s", [plan.map_name])
     connection.execute(
         "insert into semap.source (map_id, name, watermark) values (%s, %s, '-infinity')"
@@ -158,7 +158,7 @@ def _register(
         "select source_id from semap.source where map_id = %s and name = %s",
         [map_id, plan.source],
     )
-    connection.execute("select semap.hold_source(%s)", [source_id])
+    connection.execute("select semap.lock_source(%s)", [source_id])
     connection.execute(
         "insert into semap.recording (source_id, fingerprint, path, states_total) values (%s, %s, %s, %s)"
         " on conflict (source_id, fingerprint) do nothing",

@@ -104,15 +104,15 @@ create table semap.track_now (
   outlier_x_m    double precision,
   outlier_y_m    double precision,
   region_ids     integer[] not null default '{}',
-  careful_ids    integer[] not null default '{}',
-  calm_x_min_m   double precision not null default 'infinity',
-  calm_x_max_m   double precision not null default '-infinity',
-  calm_y_min_m   double precision not null default 'infinity',
-  calm_y_max_m   double precision not null default '-infinity',
-  calm_z_min_m   double precision,
-  calm_z_max_m   double precision,
-  calm_until     timestamptz not null default 'infinity',
-  calm_std_m     real not null default 'infinity'
+  stateful_ids    integer[] not null default '{}',
+  safe_x_min_m   double precision not null default 'infinity',
+  safe_x_max_m   double precision not null default '-infinity',
+  safe_y_min_m   double precision not null default 'infinity',
+  safe_y_max_m   double precision not null default '-infinity',
+  safe_z_min_m   double precision,
+  safe_z_max_m   double precision,
+  safe_until     timestamptz not null default 'infinity',
+  safe_std_m     real not null default 'infinity'
 ) with (fillfactor = 40);
 -- How many live tracks a source has is asked of it alone, however many others its map has.
 create index track_now_live on semap.track_now (map_id, source_id) where live;

@@ -10,7 +10,8 @@ create table semap.condition (
 );
 create unique index condition_known on semap.condition (map_id, kind, md5(condition::text));
 
--- What the database asks of each predicate, which is a file of sql/117_predicate (semap/model/predicate.py explains it).
+-- What the database asks of each predicate, which is a file of sql/117_predicate (semap/model/predicate.py explains
+-- it).
 create table semap.predicate (
   name              text primary key,
   needs             text[] not null,
@@ -94,8 +95,8 @@ create table semap.query_track (
   is_object        boolean not null,
   track_id         bigint not null references semap.track on delete cascade,
   map_id           integer not null,
-  formed_stamp     timestamptz not null default '-infinity',
-  formed_track_id  bigint not null default 0,
+  valid_from       timestamptz not null default '-infinity',
+  valid_from_track_id  bigint not null default 0,
   primary key (query_id, is_object, track_id)
 );
 create index query_track_track on semap.query_track (track_id);
@@ -115,8 +116,8 @@ create table semap.region (
   compared         text not null default 'ground',
   shape            public.geometry,
   distance_m       double precision,
-  core             public.geometry,
-  reach            public.geometry,
+  enter_area       public.geometry,
+  leave_area       public.geometry,
   enter_confirm    interval not null default '0',
   leave_confirm    interval not null default '0',
   enter_stds       double precision,
@@ -125,15 +126,15 @@ create table semap.region (
   fastest_mps      double precision,
   widest_std_m     double precision,
   subject          text,
-  careful          boolean not null default false,
+  stateful         boolean not null default false,
   -- Tracks that are older than the form of a region are corrected only after the newest state of its map.
-  formed_stamp     timestamptz not null default '-infinity',
-  formed_track_id  bigint not null default 0,
+  valid_from       timestamptz not null default '-infinity',
+  valid_from_track_id  bigint not null default 0,
   unique (query_id, instance_id)
 );
 create index region_instance on semap.region (instance_id);
-create index region_careful on semap.region using gist (footprint) where careful;
-create index region_careful_map on semap.region (map_id) where careful;
+create index region_stateful on semap.region using gist (footprint) where stateful;
+create index region_stateful_map on semap.region (map_id) where stateful;
 
 create table semap.region_cell (
   map_id     integer not null,
@@ -143,7 +144,7 @@ create table semap.region_cell (
   whole      boolean not null,
   z_min_m    double precision not null,
   z_max_m    double precision not null,
-  careful    boolean not null default false,
+  stateful    boolean not null default false,
   primary key (map_id, cell_x, cell_y, region_id)
 );
 create index region_cell_region on semap.region_cell (region_id);
@@ -175,20 +176,20 @@ create index relation_region on semap.relation (region_id);
 create index relation_instance on semap.relation (instance_id);
 
 -- Where a track near a region's boundary stands: to that, as debounced, and in the relation.
-create table semap.verge (
+create table semap.debounce_state (
   track_id   bigint not null references semap.track on delete cascade,
   region_id  integer not null references semap.region on delete cascade,
   map_id     integer not null,
-  held       boolean not null,
-  inside     boolean not null,
-  inside_at  timestamptz,
-  side       boolean not null,
-  side_at    timestamptz,
+  confirmed  boolean not null,
+  pending    boolean not null,
+  pending_at  timestamptz,
+  raw        boolean not null,
+  raw_at    timestamptz,
   x_m        double precision,
   y_m        double precision,
   primary key (track_id, region_id)
 );
-create index verge_region on semap.verge (region_id);
+create index debounce_state_region on semap.debounce_state (region_id);
 
 create type semap.change_kind as enum ('began', 'ended', 'crossed');
 create type semap.change_cause as enum ('moved', 'appeared', 'disappeared', 'map');
@@ -210,7 +211,7 @@ create table semap.relation_change (
   kind                   semap.change_kind not null,
   cause                  semap.change_cause not null,
   stamp                  timestamptz not null,
-  edge_at                timestamptz not null,
+  transition_at                timestamptz not null,
   since                  timestamptz not null,
   received_at            timestamptz not null default clock_timestamp(),
   x_m                    double precision,
@@ -223,9 +224,9 @@ create table semap.relation_change (
   retracts               uuid,
   constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
   constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
-  constraint edge_is_known_later check (edge_at <= stamp),
-  constraint began_before check (since <= edge_at),
-  constraint beginning_is_since check (kind = 'ended' or since = edge_at),
+  constraint edge_is_known_later check (transition_at <= stamp),
+  constraint began_before check (since <= transition_at),
+  constraint beginning_is_since check (kind = 'ended' or since = transition_at),
   constraint retraction_says_what check ((retracts is not null) = (amendment is not distinct from 'retracted'))
 );
 create index relation_change_map on semap.relation_change (map_id, stamp);
@@ -254,8 +255,8 @@ create index relation_past_stay on semap.relation_past using gist (tstzrange(sin
 create index relation_past_track on semap.relation_past (track_id);
 create index relation_past_object_track on semap.relation_past (object_track_id) where object_track_id is not null;
 
--- A state as it comes, with what is known of its track before it. It is made by semap.new_arrival.
-create type semap.arrival as (
+-- A state as it comes, with what is known of its track before it. It is made by semap.new_state_update.
+create type semap.state_update as (
   state semap.track_state, source_id integer, map_id integer, cell_m double precision, live boolean,
   seen_stamp timestamptz, from_x_m double precision, from_y_m double precision, from_z_m double precision,
   region_ids integer[], outlier_stamp timestamptz
@@ -263,11 +264,11 @@ create type semap.arrival as (
 -- A crossing as it is found, before it is written.
 create type semap.crossing as (
   track_id bigint, region_id integer, kind semap.change_kind, cause semap.change_cause, stamp timestamptz,
-  edge_at timestamptz, x_m double precision, y_m double precision
+  transition_at timestamptz, x_m double precision, y_m double precision
 );
 -- Between which stamps what is found of a region may differ from what was found without late states.
 create type semap.replayed as (region_id integer, from_stamp timestamptz, to_stamp timestamptz);
 create type semap.amended as (
   region_id integer, kind semap.change_kind, cause semap.change_cause,
-  stamp timestamptz, edge_at timestamptz, since timestamptz, x_m double precision, y_m double precision
+  stamp timestamptz, transition_at timestamptz, since timestamptz, x_m double precision, y_m double precision
 );

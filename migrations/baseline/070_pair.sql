@@ -9,10 +9,10 @@ create table semap.pair (
   subject_instance_id  bigint,
   instance_id          bigint,
   object_track_id      bigint,
-  held                 boolean not null,
+  confirmed            boolean not null,
   since                timestamptz,
-  inside               boolean not null,
-  inside_at            timestamptz,
+  pending              boolean not null,
+  pending_at            timestamptz,
   distance_m           double precision,
   distance_at          timestamptz,
   subject_key          bigint not null generated always as (coalesce(track_id, -subject_instance_id)) stored,
@@ -20,7 +20,7 @@ create table semap.pair (
   unique (query_id, subject_key, object_key),
   constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
   constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
-  constraint what_holds_has_begun check (held = (since is not null))
+  constraint what_holds_has_begun check (confirmed = (since is not null))
 );
 create index pair_subject on semap.pair (subject_key);
 create index pair_object on semap.pair (object_key);
@@ -39,8 +39,8 @@ create table semap.pair_instance (
   z_min_m          double precision not null,
   z_max_m          double precision not null,
   yaw_rad          double precision,
-  formed_stamp     timestamptz not null default '-infinity',
-  formed_track_id  bigint not null default 0,
+  valid_from       timestamptz not null default '-infinity',
+  valid_from_track_id  bigint not null default 0,
   primary key (instance_id, query_id, is_object)
 );
 create index pair_instance_query on semap.pair_instance (query_id, is_object);
@@ -57,12 +57,12 @@ create table semap.followed_state (
 create index followed_state_cell on semap.followed_state (map_id, cell_x, cell_y);
 
 -- Pairs of tracks that are older than the form of a query are corrected only after the newest state of its map.
-create table semap.pair_form (
+create table semap.pair_query (
   query_id         integer primary key,
   map_id           integer not null,
   query_name       text not null,
-  formed_stamp     timestamptz not null,
-  formed_track_id  bigint not null
+  valid_from           timestamptz not null,
+  valid_from_track_id  bigint not null
 );
 
 create table semap.pair_progress (
@@ -75,7 +75,8 @@ comment on table semap.pair_progress is
 comment on column semap.pair_progress.revision is
   'How often what was known of pairs up to then changed: a correction is of that which it was made from.';
 
--- What a relation is (sql/112), of a query, a subject and an object: tracks by their ids, instances by theirs below zero.
+-- What a relation is (sql/112), of a query, a subject and an object: tracks by their ids, instances by theirs below
+-- zero.
 create type semap.relation_state as (
   query_id integer, subject_key bigint, object_key bigint,
   confirmed boolean, since timestamptz, pending boolean, pending_at timestamptz,
@@ -89,8 +90,8 @@ create type semap.compared as (
   yaw_rad double precision
 );
 
--- How a subject stands to an object: whether the predicate holds (of what follows from a trend: whether the two are near
--- enough), whether it does so deep enough to begin, and whether it is far enough from that to end.
+-- How a subject stands to an object: whether the predicate holds (of what follows from a trend: whether the two are
+-- near enough), whether it does so deep enough to begin, and whether it is far enough from that to end.
 create type semap.standing as (raw boolean, enters boolean, leaves boolean, distance_m double precision);
 
 -- What is seen of a relation at a moment.
@@ -102,6 +103,6 @@ create type semap.observation as (
 -- A change of a pair as it is found, before it is written.
 create type semap.pair_change as (
   query_id integer, subject_key bigint, object_key bigint, kind text, cause semap.change_cause,
-  stamp timestamptz, edge_at timestamptz, since timestamptz,
+  stamp timestamptz, transition_at timestamptz, since timestamptz,
   x_m double precision, y_m double precision, direction text
 );

@@ -73,7 +73,7 @@ HELD: Mapping[Source, str] = {
           and not exists (select from semap.relation_change d where d.retracts = c.uid
                           and (d.change_id <= %(change_id)s or %(change_id)s is null))
         order by query_id, track_id, subject_instance_id, instance_id, object_track_id, c.stamp desc,
-                 c.edge_at desc, c.cause = 'disappeared' desc, c.change_id desc
+                 c.transition_at desc, c.cause = 'disappeared' desc, c.change_id desc
     """,  # noqa: S608  (a constant)
     "object_state": """
         select distinct on (c.instance_id, c.property)

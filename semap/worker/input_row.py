@@ -25,7 +25,7 @@ UNKNOWN = Facts(0, MappingProxyType({}), ())
 RELATION_COLUMNS = """
     uid::text, query_name, track_id::text, track_name, subject_instance_id::text, subject_instance_name,
     instance_id::text, instance_name, object_track_id::text, object_track_name, kind::text, cause::text,
-    stamp::text, since::text, edge_at::text, x_m::text, y_m::text, direction, door_id::text, door_name,
+    stamp::text, since::text, transition_at::text, x_m::text, y_m::text, direction, door_id::text, door_name,
     edge::text
 """
 """What `relation_row` reads of `relation_change`, as the log would bring it."""
@@ -66,7 +66,7 @@ def relation_row(row: TableRow, facts: MapFacts) -> Row:
         values["direction"] = row["direction"]
     if row.get("edge") is not None:
         values["edge"] = integer_of(row, "edge")
-    return _row(row, facts, "relation", rank, values, row.get("edge_at"))
+    return _row(row, facts, "relation", rank, values, row.get("transition_at"))
 
 
 def object_state_row(row: TableRow, facts: MapFacts) -> Row:

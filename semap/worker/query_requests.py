@@ -75,7 +75,7 @@ def answer_next(engine: Engine) -> bool:
         if connection.execute(_WAITS).first() is None:
             return False
         # as all who edit do, before any row is locked
-        connection.execute(select(func.semap.change_regions()))
+        connection.execute(select(func.semap.lock_regions_exclusive()))
         row = connection.execute(_NEXT).one_or_none()
         if row is None:
             return False

@@ -129,7 +129,7 @@ def _delta(change: Change) -> Delta:
         row["instance_name"],
         number("object_track_id"),
         row["object_track_name"],
-        stamp("edge_at"),
+        stamp("transition_at"),
         stamp("stamp"),
         metres("x_m"),
         metres("y_m"),

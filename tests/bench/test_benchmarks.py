@@ -70,7 +70,7 @@ def test_regions_that_are_put_past_the_triggers_are_those_of_an_import(database:
         growth.put_regions(connection, put, [room.wkb_hex for room in rooms])
         for table in ("region_cell", "region_edge"):
             columns = (
-                "cell_x, cell_y, whole, careful, z_min_m, z_max_m" if table == "region_cell"
+                "cell_x, cell_y, whole, stateful, z_min_m, z_max_m" if table == "region_cell"
                 else "cell_x, cell_y, stds, x_min_m, x_max_m, y_min_m, y_max_m"
             )  # fmt: skip
             found = [

@@ -329,7 +329,7 @@ def test_the_log_is_the_same_whatever_the_batches(world: World, batch_size: int)
             replay(world.dsn, plan, tracks)
             logs.append(
                 played.rows(
-                    "select kind::text, cause::text, track_name, object_track_name, stamp, edge_at, since, amendment"
+                    "select kind::text, cause::text, track_name, object_track_name, stamp, transition_at, since, amendment"
                     " from semap.relation_change where map_id = %s order by change_id",
                     played.map_id,
                 )

@@ -39,7 +39,7 @@ MOVE = """
 def edit(connection: psycopg.Connection, dice: random.Random) -> None:
     x, y = dice.uniform(0, 14), dice.uniform(0, 9)
     place, name = shapely.to_wkb(shapely.box(x, y, x + 1.5, y + 1), hex=True), f"table {dice.randrange(6)}"
-    connection.execute("select semap.change_regions()")
+    connection.execute("select semap.lock_regions_exclusive()")
     if dice.random() < 0.15:
         if not connection.execute("delete from semap.continuous_query where name = %s", [QUERY]).rowcount:
             connection.execute(ADD_QUERY, [QUERY, dice.choice([0.5, 1.0])])

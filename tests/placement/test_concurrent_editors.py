@@ -66,7 +66,7 @@ def test_editors_wait_for_each_other(database: str) -> None:
         dice = Random(number)
         for count in range(EDITS):
             with one_transaction(database, "semap_api") as connection:
-                connection.exec_driver_sql("select semap.change_regions()")
+                connection.exec_driver_sql("select semap.lock_regions_exclusive()")
                 edit(connection, dice, number, count, blueprint)
 
     with ThreadPoolExecutor(EDITORS) as pool:

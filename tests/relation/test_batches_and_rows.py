@@ -28,7 +28,7 @@ ADD_PAIRS = """
 COLUMNS = ("x_m", "y_m", "z_m", "std_m", "heading_rad")
 TYPES = ("float8", "float8", "float8", "real", "real")
 KNOWN = {
-    "log": "select query_name, track_name, instance_name, object_track_name, kind, cause, stamp, edge_at, since,"
+    "log": "select query_name, track_name, instance_name, object_track_name, kind, cause, stamp, transition_at, since,"
     " x_m, y_m, amendment from semap.relation_change where map_id = %s",
     "relations": "select query, track, instance, since from semap.relation_now where map_id = %s",
     "past": "select query_name, track_name, instance_name, since, until from semap.relation_past where map_id = %s",

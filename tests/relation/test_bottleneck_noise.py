@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from careful_oracle import Asked, Sample
 from data_sets import data_set
 from numpy.typing import NDArray
+from stateful_oracle import Asked, Sample
 from world import World
 
 LINE_M = -0.6
@@ -37,7 +37,7 @@ def crossings(world: World, walkers: dict[int, NDArray[np.float64]], *, every: i
             [Sample(int(seen[n, 0] * 1e6 / FRAMES_PER_S), *map(float, places[n]), None) for n in kept],
         )
     return world.rows(
-        "select kind::text, extract(epoch from stamp)::float8, extract(epoch from edge_at)::float8, track_name"
+        "select kind::text, extract(epoch from stamp)::float8, extract(epoch from transition_at)::float8, track_name"
         " from semap.relation_change where map_id = %s and cause = 'moved' order by change_id",
         world.map_id,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import shapely
-from careful_oracle import Asked, Sample
+from stateful_oracle import Asked, Sample
 from world import SECOND_US, World
 
 ROOM = shapely.Polygon([(0, 0), (6, 0), (6, 4), (3, 4), (3, 2), (0, 2)])
@@ -95,9 +95,9 @@ def test_what_late_states_correct_says_through_what_as_well(world: World) -> Non
     places = [(1.5, -1), (1.5, 1), (5, 1.5), (7, 1.5), (7, 3), (4.5, 3), (4.5, 5)]
     walk(world, *places)
     standing = (
-        "select kind::text, edge_at, edge, door_id, door_name from semap.relation_change c"
+        "select kind::text, transition_at, edge, door_id, door_name from semap.relation_change c"
         " where track_name = %s and amendment is distinct from 'retracted'"
-        " and not exists (select from semap.relation_change d where d.retracts = c.uid) order by edge_at"
+        " and not exists (select from semap.relation_change d where d.retracts = c.uid) order by transition_at"
     )
     late = world.add_track("late")
     seen = [Sample(n * SECOND_US, x, y, None) for n, (x, y) in enumerate(places)]

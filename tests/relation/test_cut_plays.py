@@ -34,7 +34,7 @@ QUERIES = {
     "approaching": ("approaching", "distance_m, speed_mps", "3, 0.3"),
 }
 STANDING = """
-    select uid, query_name, track_name, instance_name, object_track_name, kind::text, cause::text, stamp, edge_at, since,
+    select uid, query_name, track_name, instance_name, object_track_name, kind::text, cause::text, stamp, transition_at, since,
            x_m, y_m, direction
     from semap.relation_change c
     where amendment is distinct from 'retracted'

@@ -68,7 +68,7 @@ class Flat:
     def crossings(self) -> list[tuple[str, float, float, float]]:
         self.settle()
         return self.connection.execute(
-            "select direction, extract(epoch from edge_at)::float8, x_m, y_m from semap.relation_change"
+            "select direction, extract(epoch from transition_at)::float8, x_m, y_m from semap.relation_change"
             " where query_name = 'through' order by change_id"
         ).fetchall()
 

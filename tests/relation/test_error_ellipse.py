@@ -10,11 +10,11 @@ import numpy as np
 import psycopg
 import pytest
 import shapely
-from careful_oracle import Asked, Sample
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import special, stats
 from server import fresh_database
+from stateful_oracle import Asked, Sample
 from test_probability import COVARIANCES, PLACES, SHAPES, probability
 from world import SECOND_US, World
 

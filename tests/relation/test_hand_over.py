@@ -146,7 +146,7 @@ def test_a_track_that_is_described_anew(world: World) -> None:
         ("robot", "began", "map", SECOND_US),
         ("other", "ended", "map", SECOND_US),
     ]
-    assert world.one("select careful_ids = '{}' from semap.track_now")
+    assert world.one("select stateful_ids = '{}' from semap.track_now")
 
 
 def test_a_track_that_comes_while_a_query_is_added_is_chosen(world: World) -> None:

@@ -23,7 +23,7 @@ QUICK = settings(
 with_tracks = questions().filter(lambda asked: "track" in (asked.subject_kind, asked.object_kind))
 STANDING = """
     select kind::text, cause::text, coalesce(track_name, subject_instance_name), coalesce(instance_name, object_track_name),
-           (extract(epoch from stamp) * 1000000)::bigint, (extract(epoch from edge_at) * 1000000)::bigint,
+           (extract(epoch from stamp) * 1000000)::bigint, (extract(epoch from transition_at) * 1000000)::bigint,
            (extract(epoch from since) * 1000000)::bigint, x_m, y_m, direction
     from semap.relation_change c
     where query_id = %s and amendment is distinct from 'retracted'
@@ -35,8 +35,8 @@ PAST = """
     from semap.relation_past where query_id = %s
 """
 REMEMBERED = """
-    select coalesce(s.name, si.name), coalesce(o.name, oi.name), p.held, p.inside,
-           case when p.inside <> p.held then (extract(epoch from p.inside_at) * 1000000)::bigint end,
+    select coalesce(s.name, si.name), coalesce(o.name, oi.name), p.confirmed, p.pending,
+           case when p.pending <> p.confirmed then (extract(epoch from p.pending_at) * 1000000)::bigint end,
            p.distance_m, (extract(epoch from p.distance_at) * 1000000)::bigint
     from semap.pair p
     left join semap.track s on s.track_id = p.track_id

@@ -8,11 +8,11 @@ from uuid import uuid4
 
 import pytest
 import shapely
-from careful_oracle import Asked, Follower, Sample
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_careful_queries import asked, walk
+from stateful_oracle import Asked, Follower, Sample
 from test_oracle import BANDS, SHAPES
+from test_stateful_queries import asked, walk
 from world import SECOND_US, World
 
 from semap.store.database.connection import connect
@@ -23,44 +23,44 @@ QUICK = settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 STANDING = """
-    select query_name, track_name, instance_name, kind::text, cause::text, stamp, edge_at, since, x_m, y_m
+    select query_name, track_name, instance_name, kind::text, cause::text, stamp, transition_at, since, x_m, y_m
     from semap.relation_change c
     where map_id = %s and amendment is distinct from 'retracted'
       and not exists (select from semap.relation_change d where d.retracts = c.uid)
-    order by query_name, track_name, instance_name, stamp, edge_at, cause = 'disappeared', kind desc
+    order by query_name, track_name, instance_name, stamp, transition_at, cause = 'disappeared', kind desc
 """
 PAST = """
     select query_name, track_name, instance_name, since, until from semap.relation_past where map_id = %s
     order by 1, 2, 3, 4, 5
 """
 HELD = """
-    select r.query_name, t.name, r.instance_name, n.since, r.region_id = any (w.region_ids || w.careful_ids)
+    select r.query_name, t.name, r.instance_name, n.since, r.region_id = any (w.region_ids || w.stateful_ids)
     from semap.relation n join semap.region r using (region_id) join semap.track t using (track_id)
     join semap.track_now w using (track_id)
     where n.map_id = %s order by 1, 2, 3
 """
 VERGES = """
-    select r.query_name, t.name, r.instance_name, v.held, v.inside, v.side,
-           case when v.inside <> v.held then v.inside_at end,
-           case when v.inside <> v.held and v.side <> v.held then v.side_at end
-    from semap.verge v join semap.region r using (region_id) join semap.track t using (track_id)
+    select r.query_name, t.name, r.instance_name, v.confirmed, v.pending, v.raw,
+           case when v.pending <> v.confirmed then v.pending_at end,
+           case when v.pending <> v.confirmed and v.raw <> v.confirmed then v.raw_at end
+    from semap.debounce_state v join semap.region r using (region_id) join semap.track t using (track_id)
     where v.map_id = %s order by 1, 2, 3
 """
 PRESENT = """
-    select t.name, p.live, p.stamp, p.x_m, p.y_m, n.calm_until::text, cardinality(n.region_ids), cardinality(n.careful_ids)
+    select t.name, p.live, p.stamp, p.x_m, p.y_m, n.safe_until::text, cardinality(n.region_ids), cardinality(n.stateful_ids)
     from semap.track_now n join semap.track_place p using (track_id) join semap.track t using (track_id)
     where n.map_id = %s order by 1
 """
 NEW = """
     select change_id, uid, amendment, retracts, query_name, track_name, instance_name, kind::text, cause::text, stamp,
-           edge_at, since, x_m, y_m
+           transition_at, since, x_m, y_m
     from semap.relation_change where map_id = %s and change_id > %s order by change_id
 """
 NAMED = """
     select count(*) from semap.relation_change c join semap.track t using (track_id) join semap.instance i using (instance_id)
     where c.map_id = %s and amendment is distinct from 'retracted'
       and not exists (select from semap.relation_change d where d.retracts = c.uid)
-      and c.uid <> semap.change_uid(c.query_name, t.uid, i.uid, c.kind::text, c.cause::text, c.edge_at)
+      and c.uid <> semap.change_uid(c.query_name, t.uid, i.uid, c.kind::text, c.cause::text, c.transition_at)
 """
 
 
@@ -83,7 +83,7 @@ class Client:
 
 
 def scene(database: str, question: Asked, rooms: list, jump_m: float | None) -> World:
-    """A map with a plain and a careful query."""
+    """A map with a stateless and a stateful query."""
     world = World(database, f"map {uuid4()}")
     world.run(
         "insert into semap.continuous_query (map_id, name, object_concept_id)"

@@ -174,7 +174,7 @@ def test_a_query_begins_with_what_holds(town_of) -> None:
     }  # fmt: skip
     town.world.run("delete from semap.continuous_query where query_id = %s", town.query_id)
     assert town.held() == set()
-    for table in ("pair", "pair_form", "pair_instance"):
+    for table in ("pair", "pair_query", "pair_instance"):
         assert town.world.rows(f"select from semap.{table} where query_id = %s", town.query_id) == []
     for each in ("Ann", "Bob"):
         other = "Bob" if each == "Ann" else "Ann"

@@ -102,7 +102,7 @@ def test_who_is_nearest_of_two_is_said_by_the_identity_that_they_have_now(databa
         move(town, name, 1, x)
     nearest = (
         "select o.name from semap.pair p join semap.track s using (track_id)"
-        " join semap.track o on o.track_id = object_track_id where held and s.name = 'a'"
+        " join semap.track o on o.track_id = object_track_id where confirmed and s.name = 'a'"
     )
     for last, first in (("b", "c"), ("c", "b"), ("b", "c")):
         for name, digit in ((last, "f"), (first, "0")):
@@ -142,7 +142,7 @@ def test_a_concept_that_moves_takes_the_pairs_of_its_tracks_with_it(town: Town, 
 def test_who_describes_a_track_by_hand_waits_for_writers_before_any_row(town: Town, column: str) -> None:
     """Whoever held its row and waited for regions then would stop an edit that holds regions and wants the row."""
     with connect(town.world.dsn, autocommit=False) as writer, ThreadPoolExecutor() as pool:
-        writer.execute("select semap.hold_regions()")
+        writer.execute("select semap.lock_regions_shared()")
         waiting = pool.submit(town.world.run, f"update semap.track set {column} = {column}")
         with connect(town.world.dsn) as observer:
             await_lock(observer)

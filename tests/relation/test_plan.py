@@ -49,7 +49,7 @@ def large(world: World) -> World:
 def test_a_point_is_looked_up_by_its_cell(large: World) -> None:
     for statement in (
         f"select * from semap.regions_at({large.map_id}, 4, 12.5, 7.5, 1)",
-        f"select * from semap.calm_rectangle({large.map_id}, 4, 12.5, 7.5, null)",
+        f"select * from semap.safe_rectangle({large.map_id}, 4, 12.5, 7.5, null)",
     ):
         scans = [
             node

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import shapely
-from careful_oracle import Asked
+from stateful_oracle import Asked
 from world import SECOND_US, World
 
 ROOM = shapely.box(0, 0, 4, 4)
@@ -60,14 +60,14 @@ def test_what_changes_only_how_an_edge_counts_changes_no_relation(inside: World)
     assert told(inside)[len(before) :] == [("b", "ended", "moved", 9)]
 
 
-def test_a_room_that_is_edited_forgets_who_was_on_its_verge(inside: World) -> None:
+def test_a_room_that_is_edited_forgets_who_was_at_its_boundary(inside: World) -> None:
     inside.ask(Asked(enter_margin_m=0.3, leave_margin_m=0.3))
     (b,) = inside.rows("select track_id from semap.track where name = 'b'")[0]
     inside.add_states([(b, 5 * SECOND_US, 4.2, 2.0, None)])
-    assert inside.rows("select held, inside, side from semap.verge") == [(True, True, False)]
+    assert inside.rows("select confirmed, pending, raw from semap.debounce_state") == [(True, True, False)]
     inside.edit_room("room", shapely.box(0, 0, 4.1, 4))
     assert told(inside)[2:] == [("b", "ended", "map", 5)]
-    assert inside.rows("select from semap.verge") == []
+    assert inside.rows("select from semap.debounce_state") == []
 
 
 def test_a_query_is_about_the_tracks_that_it_says(inside: World) -> None:

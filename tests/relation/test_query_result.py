@@ -80,7 +80,7 @@ def test_the_view_of_pairs_shows_either_kind_of_side(world: World) -> None:
         for query_id in (plain, chosen):
             hold(world, query_id, things[subject][0], things[object_][1], 2)
             hold(world, query_id, things[subject][1], things[object_][0], 3)
-            world.run("update semap.pair set held = false, since = null where since = %s", at(3))
+            world.run("update semap.pair set confirmed = false, since = null where since = %s", at(3))
         names = ("track_id", "track", "instance_id", "instance")
         if (subject, object_) != ("track", "instance"):
             names = ("subject_id", "subject", "object_id", "object")

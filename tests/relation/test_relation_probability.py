@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from careful_oracle import Sample
 from scipy import special
+from stateful_oracle import Sample
 from world import SECOND_US, World
 
 from semap.store.database.connection import connect, open_engine

@@ -17,7 +17,7 @@ CHANGE = {
     "uid": str(UUID(int=1)), "query_name": "q", "kind": "began", "cause": "moved",
     "track_id": None, "track_name": None, "subject_instance_id": None, "subject_instance_name": None,
     "instance_id": None, "instance_name": None, "object_track_id": None, "object_track_name": None,
-    "stamp": "1970-01-01 00:00:02+00", "since": "1970-01-01 00:00:01.5+00", "edge_at": "1970-01-01 00:00:01.5+00",
+    "stamp": "1970-01-01 00:00:02+00", "since": "1970-01-01 00:00:01.5+00", "transition_at": "1970-01-01 00:00:01.5+00",
     "x_m": None, "y_m": None, "direction": None, "door_id": None, "door_name": None, "edge": None,
 }  # fmt: skip
 TRACK = {"track_id": "31", "track_name": "ann"}

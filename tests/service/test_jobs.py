@@ -79,7 +79,7 @@ def ended(service: Service, sent: httpx.Response) -> dict:
 def held_back(service: Service) -> Iterator[None]:
     """Nobody else changes a map meanwhile: an import waits in the midst of a statement."""
     with psycopg.connect(service.plain.info.dsn) as other:
-        other.execute("select semap.change_regions()")
+        other.execute("select semap.lock_regions_exclusive()")
         yield
 
 

@@ -84,7 +84,7 @@ def test_what_holds_and_what_held(service: Service, plain: psycopg.Connection) -
     of_rooms = service.client.post("/queries", json=rests).json()
     service.client.patch(f"/queries/{of_rooms['id']}", json={"enabled": False})
     plain.execute(
-        "insert into semap.pair (map_id, query_id, subject_instance_id, instance_id, held, since, inside)"
+        "insert into semap.pair (map_id, query_id, subject_instance_id, instance_id, confirmed, since, pending)"
         " values (%s, %s, %s, %s, true, %s, true)",
         [map_id, of_rooms["id"], rooms[0]["id"], rooms[1]["id"], second(2)],
     )

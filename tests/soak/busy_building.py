@@ -220,7 +220,7 @@ def other_rooms(connection: psycopg.Connection, dice: random.Random) -> None:
 
 
 def add_room(connection: psycopg.Connection, number: int) -> None:
-    connection.execute("select semap.change_regions()")
+    connection.execute("select semap.lock_regions_exclusive()")
     connection.execute(
         "with d as (insert into semap.description (map_id) select map_id from semap.map returning description_id, map_id),"
         " i as (insert into semap.instance (map_id, name, concept_id, frame_id, absolute_description_id)"
@@ -272,7 +272,7 @@ def describe_track(connection: psycopg.Connection, dice: random.Random) -> None:
 
 
 def end_track(connection: psycopg.Connection, dice: random.Random) -> None:
-    connection.execute("select semap.change_regions()")
+    connection.execute("select semap.lock_regions_exclusive()")
     connection.execute(
         "update semap.track k set ended_at = t.stamp from semap.track_now t where k.track_id = t.track_id"
         " and t.track_id = (select track_id from semap.track_now where live order by random() limit 1)"

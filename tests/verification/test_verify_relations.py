@@ -102,11 +102,11 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
 
 OF = " from semap.region r where n.region_id = r.region_id and r.query_name = '{}'"
 ONE_RELATION = "ctid = (select n.ctid from semap.relation n join semap.region r using (region_id) where r.query_name = '{}' limit 1)"
-PLAIN, CAREFUL = ONE_RELATION.format("track_in_room"), ONE_RELATION.format("near")
+PLAIN, STATEFUL = ONE_RELATION.format("track_in_room"), ONE_RELATION.format("near")
 
 BROKEN = {
     "a relation is gone": (f"delete from semap.relation where {PLAIN}", {"plain relations", "held", "log"}),
-    "a stateful relation is gone": (f"delete from semap.relation where {CAREFUL}", {"stateful relations", "held", "log"}),
+    "a stateful relation is gone": (f"delete from semap.relation where {STATEFUL}", {"stateful relations", "held", "log"}),
     "a relation too many": (
         "insert into semap.relation select t.track_id, r.region_id, r.query_id, r.instance_id, r.map_id, now()"
         " from semap.region r join semap.track_now t on t.live and st_distance(r.footprint, st_point(t.x_m, t.y_m)) > 3"
@@ -140,16 +140,16 @@ BROKEN = {
         {"regions", "grid", "plain relations"}),
     "a track that is not chosen": (
         "delete from semap.query_track where track_id = (select min(track_id) from semap.query_track)", {"subjects"}),
-    "a verge that says otherwise": (
-        "update semap.verge set side = not side where ctid = (select min(ctid) from semap.verge)", {"stateful relations"}),
-    "no verge": ("delete from semap.verge", {"stateful relations"}),
+    "a debounce state that says otherwise": (
+        "update semap.debounce_state set raw = not raw where ctid = (select min(ctid) from semap.debounce_state)", {"stateful relations"}),
+    "no debounce state": ("delete from semap.debounce_state", {"stateful relations"}),
     "a change too few": (
         "delete from semap.relation_change where change_id ="
         " (select max(change_id) from semap.relation_change where kind = 'ended' and cause = 'moved')", {"log", "past"}),
     "a change twice": (
         "insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,"
-        " instance_name, kind, cause, stamp, edge_at, since) select gen_random_uuid(), map_id, query_id, query_name,"
-        " track_id, track_name, instance_id, instance_name, kind, cause, stamp, edge_at, since"
+        " instance_name, kind, cause, stamp, transition_at, since) select gen_random_uuid(), map_id, query_id, query_name,"
+        " track_id, track_name, instance_id, instance_name, kind, cause, stamp, transition_at, since"
         " from semap.relation_change order by change_id desc limit 1", {"log"}),
     "a stay too few": (
         "delete from semap.relation_past where relation_past_id = (select max(relation_past_id) from semap.relation_past)",
@@ -158,7 +158,7 @@ BROKEN = {
 
 
 def test_what_was_walked_is_right(broken: World) -> None:
-    assert broken.one("select count(*) from semap.verge") > 3
+    assert broken.one("select count(*) from semap.debounce_state") > 3
     assert broken.one("select count(*) from semap.relation_change where cause = 'map'") > 3
     verification = verify(broken.dsn, lambda said: None)
     with verification.connection:
@@ -211,10 +211,10 @@ def test_a_change_that_was_taken_back_does_not_count(broken: World) -> None:
         "with taken as (delete from semap.relation_past where relation_past_id ="
         " (select max(relation_past_id) from semap.relation_past) returning *)"
         " insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,"
-        " instance_name, kind, cause, stamp, edge_at, since, amendment, retracts) select gen_random_uuid(), c.map_id,"
+        " instance_name, kind, cause, stamp, transition_at, since, amendment, retracts) select gen_random_uuid(), c.map_id,"
         " c.query_id, c.query_name, c.track_id, c.track_name, c.instance_id, c.instance_name, c.kind, c.cause, c.stamp,"
-        " c.edge_at, c.since, 'retracted', c.uid from semap.relation_change c join taken t on t.query_id = c.query_id"
-        " and t.track_id = c.track_id and t.instance_id = c.instance_id and t.until = c.edge_at and c.kind = 'ended'"
+        " c.transition_at, c.since, 'retracted', c.uid from semap.relation_change c join taken t on t.query_id = c.query_id"
+        " and t.track_id = c.track_id and t.instance_id = c.instance_id and t.until = c.transition_at and c.kind = 'ended'"
     )
     found = differing(broken.dsn)
     assert set(found) == {"log"}, "what ended is held again, by the log"

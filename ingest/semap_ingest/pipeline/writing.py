@@ -56,7 +56,7 @@ MOVE_WATERMARKS = """
     from unnest(%s::integer[], %s::timestamptz[]) m (source_id, stamp)
     where s.source_id = m.source_id and (s.watermark is null or s.watermark < m.stamp)
 """
-HOLD_REGIONS = "select semap.hold_regions()"
+HOLD_REGIONS = "select semap.lock_regions_shared()"
 """Before rows: who deletes the map or the source holds the regions when it comes to the recording's row."""
 COUNT_RESULTS = """
     update semap.recording set states_done = %s, finished_at = case when %s then clock_timestamp() end

@@ -127,7 +127,7 @@ class MapEngine:
 
     def retract(self, uid: str, row: Row) -> None:
         """A row that has come was none: it waits no more. Where rules took it, `row` says so, and is late."""
-        if not self.waiting.take_back(uid) and row.values["input"] in self._waits[row.source]:
+        if not self.waiting.retract_changes(uid) and row.values["input"] in self._waits[row.source]:
             self.late.append(Late(self.map_id, row, self.sources.released_us))
 
     def _take_as_it_comes(self, row: Row) -> list[Event]:
@@ -168,7 +168,7 @@ class MapEngine:
         self.waiting.remove_until(until_us)
         for row in taken:
             if row.stamp_us > until_us:
-                self.waiting.take_back(row.uid)
+                self.waiting.retract_changes(row.uid)
         self.sources.released_us = until_us
         return events
 

@@ -30,7 +30,7 @@ class Waiting:
         if self._earliest_us is None or row.stamp_us < self._earliest_us:
             self._earliest_us = row.stamp_us
 
-    def take_back(self, uid: str) -> bool:
+    def retract_changes(self, uid: str) -> bool:
         """Whether this row waited; it does no more."""
         if uid in self._stored:
             del self._stored[uid]

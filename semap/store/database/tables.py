@@ -94,7 +94,7 @@ track_place = Table(
     *(
         Column(each.name, each.type)
         for each in TABLES["track_now"].c
-        if each.name != "cell_m" and not each.name.startswith(("calm_", "outlier_"))
+        if each.name != "cell_m" and not each.name.startswith(("safe_", "outlier_"))
     ),
 )
 

@@ -221,7 +221,7 @@ def delete_rule(connection: Connection, rule_id: int) -> None:
 def edit_alone(connection: Connection) -> None:
     """Keep everybody else from editing maps and rules until the transaction ends."""
     with translated():
-        connection.execute(select(func.semap.change_regions()))
+        connection.execute(select(func.semap.lock_regions_exclusive()))
 
 
 def _require_free(connection: Connection, map_id: int, name: str, replaces: int | None = None) -> None:

@@ -152,7 +152,7 @@ def _require_known(connection: Connection, map_id: int, item: Item) -> None:
 def hold_instance(connection: Connection, instance_id: int) -> Held:
     """Regions first, rows second: the order in which an import locks them too."""
     with translated():
-        connection.execute(select(func.semap.change_regions()))
+        connection.execute(select(func.semap.lock_regions_exclusive()))
         row = connection.execute(
             select(
                 instance.c.instance_id,

@@ -17,7 +17,7 @@ TRACKS = text("""
     select n.track_id, t.name, n.stamp, n.x_m, n.y_m, n.z_m, n.heading_rad, n.speed_mps,
            n.length_m, n.width_m, n.std_m, n.std_across_m, n.std_yaw_rad,
            array(select distinct g.instance_id from semap.region g
-                          where g.region_id = any (n.region_ids || n.careful_ids) order by 1)
+                          where g.region_id = any (n.region_ids || n.stateful_ids) order by 1)
     from semap.track_place n join semap.track t using (track_id)
     where n.map_id = :map_id and n.live
     order by n.track_id

@@ -101,7 +101,7 @@ def add_object_states(
     rows = [_row(each) for each in states]
     map_id = map_id_of(connection, map_name)
     with translated():
-        connection.execute(select(func.semap.hold_regions()))
+        connection.execute(select(func.semap.lock_regions_shared()))
         source_id = _source_id(connection, map_id, source_name)
         added = connection.scalars(ADD_STATES, {"source_id": source_id, "states": json.dumps(rows)}).all()
         if watermark is not None:

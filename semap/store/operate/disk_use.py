@@ -24,8 +24,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
         "track", "track_now", "track_amendment", "source", "source_count", "recording",
     ),
     "relations and regions": (
-        "relation", "relation_past", "verge", "pair", "pair_form", "pair_instance", "followed_state",
-        "continuous_query", "query_track", "region", "region_cell", "region_edge",
+        "relation", "relation_past", "debounce_state", "pair", "pair_query", "pair_instance",
+        "followed_state", "continuous_query", "query_track", "region", "region_cell", "region_edge",
     ),
     "changes": ("relation_change", "object_state", "door_now"),
     "events and evidence": (

@@ -268,7 +268,7 @@ _BY_PAIRS = _Part(
     },
     pair.c.since,
     (pair.c.pair_id,),
-    only=pair.c.held,
+    only=pair.c.confirmed,
 )
 _OVER = _Part(
     relation_past.join(map_, map_.c.map_id == relation_past.c.map_id),

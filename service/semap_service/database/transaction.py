@@ -136,7 +136,7 @@ class Editing:
         with self.writing.begin() as connection:
             if self.if_match is not None:
                 with translated():
-                    connection.execute(select(func.semap.change_regions()))
+                    connection.execute(select(func.semap.lock_regions_exclusive()))
                 self._compare(connection, current)
             yield connection
 

@@ -15,10 +15,10 @@ from psycopg import IsolationLevel, sql
 from semap.errors import NotFound
 from semap.store.database.connection import connect, translated
 from semap.store.motion.correction import correct_past
-from semap_service.operations.doctor.careful_check import Progress, check_careful
+from semap_service.operations.doctor.stateful_check import Progress, check_stateful
 
 EXAMPLES = 5
-CAREFUL = "stateful relations"
+STATEFUL = "stateful relations"
 DIFFERENCES = sql.SQL("select count(*) over (), thing, stored, wanted from {}(%s) limit %s")
 
 
@@ -124,7 +124,7 @@ class Verification:
                     self.progress(f"{name}: {comparison.what}")
                     yield self._noted(_compare(self.connection, map_id, name, comparison))
                 self.progress(f"{name}: relations with stateful regions against the paths of tracks")
-                yield self._noted(self._careful(map_id, name))
+                yield self._noted(self._stateful(map_id, name))
 
     def repair(self) -> Iterator[Repaired]:
         """Make every map right on which something differed."""
@@ -144,14 +144,14 @@ class Verification:
             self.differing.add(verified.map_name)
         return verified
 
-    def _careful(self, map_id: int, name: str) -> Verified:
-        found = check_careful(
+    def _stateful(self, map_id: int, name: str) -> Verified:
+        found = check_stateful(
             self.connection, map_id, lambda said: self.progress(f"{name}: {said}"), EXAMPLES
         )
         self.wrong[name] = found.wrong
         note = f"{found.partly} followed only in part" if found.partly else ""
         return Verified(
-            name, CAREFUL, "relations with stateful regions against the paths of tracks",
+            name, STATEFUL, "relations with stateful regions against the paths of tracks",
             found.pairs, len(found.wrong), found.examples, note,
         )  # fmt: skip
 

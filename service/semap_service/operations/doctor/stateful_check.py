@@ -1,4 +1,4 @@
-"""Relations with careful regions against the states of tracks, followed once more (`careful_replay`)."""
+"""Relations with stateful regions against the states of tracks, followed once more (`stateful_replay`)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import shapely
 from psycopg.rows import dict_row
 
 from semap.timeline.stamp import to_us
-from semap_service.operations.doctor.careful_replay import (
-    CarefulRegion,
+from semap_service.operations.doctor.stateful_replay import (
     Memory,
+    StatefulRegion,
     Way,
     is_possible,
     possible_memories,
@@ -35,7 +35,7 @@ REGIONS = """
            enter_stds, leave_stds, widest_std_m,
            (extract(epoch from longest_gap) * 1000000)::bigint as longest_gap_us, fastest_mps,
            subject is not null as is_chosen
-    from semap.region where map_id = %s and careful order by region_id
+    from semap.region where map_id = %s and stateful order by region_id
 """
 TRACKS = """
     select p.track_id, k.name, p.stamp, t.first_stamp, p.x_m, p.y_m, coalesce(p.z_m, 'NaN') as z_m,
@@ -51,12 +51,12 @@ TRACKS = """
 """
 MEMORIES = """
     select coalesce(n.track_id, v.track_id) as track_id, coalesce(n.region_id, v.region_id) as region_id,
-           n.track_id is not null as is_related, coalesce(v.held, n.track_id is not null) as held,
-           coalesce(v.inside, n.track_id is not null) as inside, v.inside_at,
-           coalesce(v.side, n.track_id is not null) as side, v.side_at
+           n.track_id is not null as is_related, coalesce(v.confirmed, n.track_id is not null) as confirmed,
+           coalesce(v.pending, n.track_id is not null) as pending, v.pending_at,
+           coalesce(v.raw, n.track_id is not null) as raw, v.raw_at
     from (select n.* from semap.relation n join semap.region r using (region_id)
-          where n.map_id = %s and r.careful) n
-    full join (select * from semap.verge where map_id = %s) v using (track_id, region_id)
+          where n.map_id = %s and r.stateful) n
+    full join (select * from semap.debounce_state where map_id = %s) v using (track_id, region_id)
 """
 STATES = """
     select track_id, (extract(epoch from stamp) * 1000000)::bigint, x_m, y_m, z_m, std_m::float8,
@@ -74,7 +74,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass
-class CarefulResult:
+class StatefulResult:
     """Mutable while tracks are looked at.
 
     pairs     looked at: a track and a region that is or was near
@@ -107,11 +107,11 @@ class _Track:
     query_ids: list[int]
 
 
-def check_careful(
+def check_stateful(
     connection: psycopg.Connection, map_id: int, progress: Progress, most_examples: int
-) -> CarefulResult:
-    """Each live track beside each careful region of a map that it is or was near, within one snapshot."""
-    result = CarefulResult()
+) -> StatefulResult:
+    """Each live track beside each stateful region of a map that it is or was near, within one snapshot."""
+    result = StatefulResult()
     regions = _regions(connection, map_id)
     tracks = _tracks(connection, map_id)
     stored = {(row[0], row[1]): row for row in connection.execute(MEMORIES, [map_id, map_id])}
@@ -136,24 +136,24 @@ def check_careful(
 
 
 def _compare(
-    result: CarefulResult,
+    result: StatefulResult,
     track: _Track,
-    region: CarefulRegion,
+    region: StatefulRegion,
     way: Way,
     row: tuple[Any, ...] | None,
     most: int,
 ) -> None:
     related, memory = False, Memory(False, False, None, False, None)
     if row is not None:
-        _, _, related, held, inside, inside_at, side, side_at = row
-        memory = Memory(held, inside, _us(inside_at), side, _us(side_at))
+        _, _, related, confirmed, pending, pending_at, raw, raw_at = row
+        memory = Memory(confirmed, pending, _us(pending_at), raw, _us(raw_at))
     result.pairs += 1
     result.partly += not way.is_whole
     if not region.is_chosen or region.query_id in track.query_ids:
         memories = possible_memories(region, way)
     else:
         memories = {Memory(False, False, None, False, None)}
-    if related == memory.held and is_possible(region, memories, memory, int(way.stamp_us[-1])):
+    if related == memory.confirmed and is_possible(region, memories, memory, int(way.stamp_us[-1])):
         return
     result.wrong.append((track.track_id, region.region_id))
     if len(result.examples) < most:
@@ -164,24 +164,24 @@ def _compare(
 
 
 def _words(memory: Memory, related: bool | None = None) -> str:
-    held = memory.held if related is None else related
-    said = "a relation" if held else "no relation"
-    if memory.held != memory.inside:
-        said += f" that waits to {'begin' if memory.inside else 'end'}"
-    return said + (", inside of the boundary" if memory.side else ", outside of the boundary")
+    confirmed = memory.confirmed if related is None else related
+    said = "a relation" if confirmed else "no relation"
+    if memory.confirmed != memory.pending:
+        said += f" that waits to {'begin' if memory.pending else 'end'}"
+    return said + (", inside of the boundary" if memory.raw else ", outside of the boundary")
 
 
 def _us(stamp: datetime | None) -> int | None:
     return None if stamp is None else to_us(stamp)
 
 
-def _regions(connection: psycopg.Connection, map_id: int) -> list[CarefulRegion]:
+def _regions(connection: psycopg.Connection, map_id: int) -> list[StatefulRegion]:
     found = []
     with connection.cursor(row_factory=dict_row) as cursor:
         for row in cursor.execute(REGIONS, [map_id]):
             shapes = shapely.from_wkb([row[name] for name in SHAPES])  # None where there is none
             shapely.prepare(shapes)
-            found.append(CarefulRegion(**row | dict(zip(SHAPES, shapes, strict=True))))
+            found.append(StatefulRegion(**row | dict(zip(SHAPES, shapes, strict=True))))
     return found
 
 
@@ -190,7 +190,7 @@ def _tracks(connection: psycopg.Connection, map_id: int) -> list[_Track]:
         return [_Track(**row) for row in cursor.execute(TRACKS, [map_id])]
 
 
-def _bounds(region: CarefulRegion) -> tuple[float, float, float, float]:
+def _bounds(region: StatefulRegion) -> tuple[float, float, float, float]:
     bounds = np.array([each.bounds for each in region.boundaries() if not each.is_empty])
     low, high = np.nanmin(bounds[:, :2], axis=0), np.nanmax(bounds[:, 2:], axis=0)
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))

@@ -1,4 +1,4 @@
-"""Kill -9 of everything while careful queries are followed and a map is edited: relations are those computed from nothing.
+"""Kill -9 of everything while stateful queries are followed and a map is edited: relations are those computed from nothing.
 
 `SEMAP_KILLS` says how many kills, `SEMAP_KILL_PACE` how fast the recording goes meanwhile.
 """
@@ -34,7 +34,7 @@ QUERIES = {
     "likely": "enter_probability, leave_probability, widest_std_m) select 0.9, 0.1, 2",
 }
 TOLD = LOGS | {
-    "changes": "select uid, query_name, track_name, instance_name, kind, cause, stamp, edge_at, since, x_m, y_m"
+    "changes": "select uid, query_name, track_name, instance_name, kind, cause, stamp, transition_at, since, x_m, y_m"
     f" from semap.relation_change where query_name <> '{QUERY}' order by query_name, track_name, instance_name, change_id",
     "relations": "select q.name, t.name, i.name, n.since from semap.relation n join semap.continuous_query q using (query_id)"
     " join semap.track t using (track_id) join semap.instance i using (instance_id)"
@@ -85,7 +85,7 @@ def differing(dsn: str) -> list[object]:
 
 
 def prepare(dsn: str) -> None:
-    """Careful queries, before anybody is seen."""
+    """Stateful queries, before anybody is seen."""
     with connect(dsn) as connection:
         for name, values in QUERIES.items():
             columns, given = values.split(") select ")
@@ -96,7 +96,7 @@ def prepare(dsn: str) -> None:
 
 
 @pytest.mark.slow
-def test_careful_relations_survive_kills_while_the_map_is_edited() -> None:
+def test_stateful_relations_survive_kills_while_the_map_is_edited() -> None:
     dice = random.Random(20_260_405)
     with reachable_folder() as folder:
         cluster = Cluster(folder)

@@ -1,10 +1,10 @@
--- Pairs of the past are *played*: from where tracks were at a moment, and what pairs were then, they are followed by
+-- Pairs of the past are *replayed*: from where tracks were at a moment, and what pairs were then, they are followed by
 -- the code that follows them as states come in (sql/123, 124).
 
 -- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
 -- without outliers, and no further than each is known to be now. Of late states that are queued, only those of these
 -- late tracks at these stamps. The first state of each track says where it was at that moment, if it was there.
-create or replace function semap.states_to_play(
+create or replace function semap.states_to_replay(
   p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
   p_late_ids bigint[], p_late_stamps timestamptz[]
 ) returns semap.track_state[]
@@ -42,12 +42,12 @@ begin
     from taking_part t
     join kept k on k.track_id = (t.present).track_id
     left join ended e on e.track_id = k.track_id
-    cross join lateral semap.arrivals_again(
+    cross join lateral semap.updates_again(
       t.source,
       array(select s from unnest(k.states) s where s.stamp <= (t.present).stamp), t.present, k.first_stamp > p_from,
       e.stamps || array(select (t.present).stamp where not (t.present).live and (t.present).stamp <= p_to), p_to) g
-    cross join lateral semap.states_of(g.arrivals) a
-    where a.stamp > p_from or a.stamp = (select max(stamp) from semap.states_of(g.arrivals) where stamp <= p_from));
+    cross join lateral semap.states_of(g.updates) a
+    where a.stamp > p_from or a.stamp = (select max(stamp) from semap.states_of(g.updates) where stamp <= p_from));
 end $$;
 
 -- What held at a moment between any two of these things, by the log.
@@ -59,7 +59,7 @@ language sql stable as $$
         where query_id = any (p_query_ids) and tstzrange(since, until, '[]') @> p_at and until > p_at
         union all
         select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.pair
-        where query_id = any (p_query_ids) and held and since <= p_at) h
+        where query_id = any (p_query_ids) and confirmed and since <= p_at) h
   cross join lateral (select coalesce(h.track_id, -h.subject_instance_id) as subject_key,
                              coalesce(h.object_track_id, -h.instance_id) as object_key) k
   where (k.subject_key < 0 or k.subject_key = any (p_track_ids))
@@ -69,7 +69,7 @@ $$;
 
 -- Play the pairs of a map from a moment on, at which what the log says held: what changed, and what pairs are at the
 -- end.
-create or replace function semap.play_pairs(
+create or replace function semap.replay_pairs(
   p_query_ids integer[], p_from timestamptz, p_states semap.track_state[],
   out changes semap.pair_change[], out pairs semap.relation_state[]
 ) language plpgsql stable as $$
@@ -96,7 +96,7 @@ create or replace function semap.change_said(p_change semap.relation_change) ret
 language sql immutable parallel safe as $$
   select row((p_change).query_id, coalesce((p_change).track_id, -(p_change).subject_instance_id),
              coalesce((p_change).object_track_id, -(p_change).instance_id), (p_change).kind::text, (p_change).cause,
-             (p_change).stamp, (p_change).edge_at, (p_change).since, (p_change).x_m, (p_change).y_m,
+             (p_change).stamp, (p_change).transition_at, (p_change).since, (p_change).x_m, (p_change).y_m,
              (p_change).direction)::semap.pair_change
 $$;
 

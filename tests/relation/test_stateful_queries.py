@@ -8,9 +8,9 @@ from uuid import uuid4
 
 import numpy as np
 import pytest
-from careful_oracle import Asked, Follower, Sample
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from stateful_oracle import Asked, Follower, Sample
 from test_oracle import BANDS, SHAPES
 from world import SECOND_US, World
 
@@ -107,7 +107,7 @@ def check(
                     oracle.take(sample)
                 found = world.rows(
                     "select kind::text, cause::text, (extract(epoch from stamp) * 1000000)::bigint,"
-                    " (extract(epoch from edge_at) * 1000000)::bigint from semap.relation_change"
+                    " (extract(epoch from transition_at) * 1000000)::bigint from semap.relation_change"
                     " where map_id = %s and track_name = %s and instance_name = %s order by change_id",
                     world.map_id, name, f"r{number}",
                 )  # fmt: skip
@@ -130,7 +130,7 @@ def check(
     seed=st.integers(0, 2**32),
     in_batches=st.booleans(),
 )
-def test_careful_relations_equal_the_oracle(
+def test_stateful_relations_equal_the_oracle(
     database: str, question: Asked, rooms: list, seed: int, in_batches: bool
 ) -> None:
     check(database, question, rooms, seed, 40, in_batches=in_batches)

@@ -1,11 +1,11 @@
-"""Careful regions followed once more, in plain Python: which memories of a track may be right.
+"""Stateful regions followed once more, in plain Python: which memories of a track may be right.
 
-What semap keeps of a track near a careful region (`verge`) depends on the way that the track came, and begins
-anew when the track appears, when the region is edited, and when its query begins to be about the track. When
-that was is not stored. So all beginnings are followed at once: the set of memories holds one for each state
-that may have been the first, and as many for what was before the first state that is known. A memory that is
-stored and is not among them cannot be right. Most states decide (deep inside, far outside), so that the set
-is small.
+What semap keeps of a track near a stateful region (`debounce_state`) depends on the path of the track, and
+begins anew when the track appears, when the region is edited, and when its query begins to be about the
+track. When that was is not stored. So all beginnings are followed at once: the set of memories holds one
+for each state that may have been the first, and as many for what was before the first state that is known.
+A memory that is stored and is not among them cannot be right. Most states decide (deep inside, far
+outside), so that the set is small.
 
 Nothing here is shared with the triggers: shapes are asked of shapely, not of PostGIS. No I/O.
 """
@@ -30,23 +30,23 @@ NEAR_US = 2
 
 
 class Memory(NamedTuple):
-    """As in semap.verge, with None for a moment that makes no difference any more.
+    """As in semap.debounce_state, with None for a moment that makes no difference any more.
 
-    inside_us  since when `inside` waits to be confirmed; UNKNOWN where that was before the first known state
+    pending_us  since when `pending` waits to be confirmed; UNKNOWN: before the first known state
     """
 
-    held: bool
-    inside: bool
-    inside_us: int | None
-    side: bool
-    side_us: int | None
+    confirmed: bool
+    pending: bool
+    pending_us: int | None
+    raw: bool
+    raw_us: int | None
 
 
 UNKNOWN = -(2**62)
 
 
 @dataclass(frozen=True)
-class CarefulRegion:
+class StatefulRegion:
     """A row of semap.region; times in microseconds, lengths in metres."""
 
     region_id: int
@@ -69,8 +69,8 @@ class CarefulRegion:
     fastest_mps: float | None
     is_chosen: bool
 
-    def confirm_us(self, inside: bool) -> int:
-        return self.enter_confirm_us if inside else self.leave_confirm_us
+    def confirm_us(self, pending: bool) -> int:
+        return self.enter_confirm_us if pending else self.leave_confirm_us
 
     def boundaries(self) -> list[shapely.Geometry]:
         return [each for each in (self.footprint, self.core, self.reach) if each is not None]
@@ -97,42 +97,42 @@ class Way:
 
 @dataclass(frozen=True)
 class _Stand:
-    side: Flags
+    raw: Flags
     enters: Flags
     leaves: Flags
 
 
-def possible_memories(region: CarefulRegion, way: Way) -> set[Memory]:
+def possible_memories(region: StatefulRegion, way: Way) -> set[Memory]:
     """What may be kept of the track after its last state; at least one state is needed."""
     stand = _stand(region, way.x_m, way.y_m, way.z_m, way.std_m, way.std_across_m, way.std_yaw_rad)
-    memories = set() if way.is_whole else set(_unknown(bool(stand.side[0])))
+    memories = set() if way.is_whole else set(_unknown(bool(stand.raw[0])))
     between = _between(region, way)
     for n, stamp_us in enumerate(way.stamp_us.tolist()):
-        side = bool(stand.side[n])
+        raw = bool(stand.raw[n])
         if (n == 0 and way.is_whole) or (n > 0 and way.is_last[n - 1]):
             memories = set()
         found: set[Memory] = set()
         for memory in memories:
             for step in _step(region, memory, between.get(n, []), stamp_us):
                 found |= set(
-                    _tread(region, step, stamp_us, side, bool(stand.enters[n]), bool(stand.leaves[n]))
+                    _tread(region, step, stamp_us, raw, bool(stand.enters[n]), bool(stand.leaves[n]))
                 )
-        memories = found | {Memory(side, side, None, side, None)}
+        memories = found | {Memory(raw, raw, None, raw, None)}
     return memories
 
 
-def is_possible(region: CarefulRegion, memories: set[Memory], stored: Memory, stamp_us: int) -> bool:
+def is_possible(region: StatefulRegion, memories: set[Memory], stored: Memory, stamp_us: int) -> bool:
     """Whether what is stored is one of these, at the stamp of the last state."""
     wanted = _tidy(stored)
-    due_us = None if wanted.inside_us is None else wanted.inside_us + region.confirm_us(wanted.inside)
+    due_us = None if wanted.pending_us is None else wanted.pending_us + region.confirm_us(wanted.pending)
     return any(
-        (memory.held, memory.inside, memory.side) == (wanted.held, wanted.inside, wanted.side)
+        (memory.confirmed, memory.pending, memory.raw) == (wanted.confirmed, wanted.pending, wanted.raw)
         and (
             due_us is not None and due_us > stamp_us
-            if memory.inside_us == UNKNOWN
-            else _near(memory.inside_us, wanted.inside_us)
+            if memory.pending_us == UNKNOWN
+            else _near(memory.pending_us, wanted.pending_us)
         )
-        and (memory.side_us == UNKNOWN or _near(memory.side_us, wanted.side_us))
+        and (memory.raw_us == UNKNOWN or _near(memory.raw_us, wanted.raw_us))
         for memory in memories
     )
 
@@ -143,50 +143,50 @@ def _near(one: int | None, other: int | None) -> bool:
     return abs(one - other) <= NEAR_US
 
 
-def _unknown(side: bool) -> Iterator[Memory]:
-    for held in (False, True):
-        for inside in (False, True):
-            yield _tidy(Memory(held, inside, UNKNOWN, side, UNKNOWN))
+def _unknown(raw: bool) -> Iterator[Memory]:
+    for confirmed in (False, True):
+        for pending in (False, True):
+            yield _tidy(Memory(confirmed, pending, UNKNOWN, raw, UNKNOWN))
 
 
 def _tidy(memory: Memory) -> Memory:
-    inside_us = None if memory.held == memory.inside else memory.inside_us
-    side_us = None if memory.held == memory.inside == memory.side else memory.side_us
-    return memory._replace(inside_us=inside_us, side_us=side_us)
+    pending_us = None if memory.confirmed == memory.pending else memory.pending_us
+    raw_us = None if memory.confirmed == memory.pending == memory.raw else memory.raw_us
+    return memory._replace(pending_us=pending_us, raw_us=raw_us)
 
 
-def _settled(region: CarefulRegion, memory: Memory, at_us: int) -> Iterator[Memory]:
-    if memory.held == memory.inside:
+def _settled(region: StatefulRegion, memory: Memory, at_us: int) -> Iterator[Memory]:
+    if memory.confirmed == memory.pending:
         yield memory
         return
-    confirm_us = region.confirm_us(memory.inside)
-    is_unknown = memory.inside_us == UNKNOWN
-    if is_unknown or at_us >= (memory.inside_us or 0) + confirm_us:
-        yield memory._replace(held=memory.inside)
-    if (is_unknown and confirm_us > 0) or (not is_unknown and at_us < (memory.inside_us or 0) + confirm_us):
+    confirm_us = region.confirm_us(memory.pending)
+    is_unknown = memory.pending_us == UNKNOWN
+    if is_unknown or at_us >= (memory.pending_us or 0) + confirm_us:
+        yield memory._replace(confirmed=memory.pending)
+    if (is_unknown and confirm_us > 0) or (not is_unknown and at_us < (memory.pending_us or 0) + confirm_us):
         yield memory
 
 
 def _tread(
-    region: CarefulRegion, memory: Memory, at_us: int, side: bool, enters: bool, leaves: bool
+    region: StatefulRegion, memory: Memory, at_us: int, raw: bool, enters: bool, leaves: bool
 ) -> Iterator[Memory]:
     """One place of the way."""
-    if side != memory.side:
-        memory = memory._replace(side=side, side_us=at_us)
-    if (enters and not memory.inside) or (leaves and memory.inside):
-        memory = memory._replace(inside=enters, inside_us=at_us)
+    if raw != memory.raw:
+        memory = memory._replace(raw=raw, raw_us=at_us)
+    if (enters and not memory.pending) or (leaves and memory.pending):
+        memory = memory._replace(pending=enters, pending_us=at_us)
     for settled in _settled(region, memory, at_us):
         yield _tidy(settled)
 
 
 def _step(
-    region: CarefulRegion, memory: Memory, parts: list[tuple[int, bool, bool, bool]], stamp_us: int
+    region: StatefulRegion, memory: Memory, parts: list[tuple[int, bool, bool, bool]], stamp_us: int
 ) -> set[Memory]:
     """The way to a state, where it is known: each part of it, up to the state."""
     memories = {memory}
-    for at_us, side, enters, leaves in parts:
+    for at_us, raw, enters, leaves in parts:
         waited = {settled for each in memories for settled in _settled(region, each, at_us)}
-        memories = {after for each in waited for after in _tread(region, each, at_us, side, enters, leaves)}
+        memories = {after for each in waited for after in _tread(region, each, at_us, raw, enters, leaves)}
     if parts:
         memories = {settled for each in memories for settled in _settled(region, each, stamp_us)}
     return memories
@@ -212,7 +212,7 @@ def _depth_m(
 
 
 def _stand(
-    region: CarefulRegion,
+    region: StatefulRegion,
     x_m: Numbers,
     y_m: Numbers,
     z_m: Numbers,
@@ -223,13 +223,13 @@ def _stand(
     points = shapely.points(x_m, y_m)
     at_height = np.isnan(z_m) | ((z_m >= region.z_min_m) & (z_m < region.z_max_m))
     if region.test == "covers":
-        side = shapely.covers(region.shape, points)
+        raw = shapely.covers(region.shape, points)
     elif region.test == "dwithin":
-        side = shapely.dwithin(region.shape, points, region.distance_m)
+        raw = shapely.dwithin(region.shape, points, region.distance_m)
     else:
-        side = shapely.contains(region.shape, points)
-    side = side & at_height
-    enters, far = side.copy(), ~side
+        raw = shapely.contains(region.shape, points)
+    raw = raw & at_height
+    enters, far = raw.copy(), ~raw
     if region.core is not None:
         enters &= shapely.contains(region.core, points)
     if region.reach is not None:
@@ -240,10 +240,10 @@ def _stand(
         is_vague = known_m > region.widest_std_m
         enters &= (depth_m >= region.enter_stds * known_m) & ~is_vague
         far &= (depth_m >= region.leave_stds * known_m) & ~is_vague
-    return _Stand(side, enters, far | ~at_height)
+    return _Stand(raw, enters, far | ~at_height)
 
 
-def _between(region: CarefulRegion, way: Way) -> dict[int, list[tuple[int, bool, bool, bool]]]:
+def _between(region: StatefulRegion, way: Way) -> dict[int, list[tuple[int, bool, bool, bool]]]:
     """By state: the parts of the way to it, each with its beginning and how it stands to the region."""
     if region.longest_gap_us is None or region.fastest_mps is None or len(way.stamp_us) < 2:
         return {}
@@ -267,18 +267,16 @@ def _between(region: CarefulRegion, way: Way) -> dict[int, list[tuple[int, bool,
         found[n] = [
             (
                 int(way.stamp_us[n - 1]) + round(start * int(gap_us[n - 1])),
-                bool(side),
+                bool(raw),
                 bool(enters),
                 bool(leaves),
             )
-            for start, side, enters, leaves in zip(
-                starts, stand.side, stand.enters, stand.leaves, strict=True
-            )
+            for start, raw, enters, leaves in zip(starts, stand.raw, stand.enters, stand.leaves, strict=True)
         ]
     return found
 
 
-def _parts(region: CarefulRegion, way: Way, n: int) -> set[float]:
+def _parts(region: StatefulRegion, way: Way, n: int) -> set[float]:
     """Parts of the way to state n at which it meets a boundary or an end of the heights."""
     parts: set[float] = set()
     x_m, y_m, z_m = way.x_m[n - 1 : n + 1], way.y_m[n - 1 : n + 1], way.z_m[n - 1 : n + 1]

@@ -1,27 +1,27 @@
 -- Regions that have to be followed carefully: what is not containment in an outline, boundaries with a margin or a time
 -- to confirm, probabilities, ways between samples, or subjects that are chosen.
 --
--- For each track near the boundary of such a region a *verge* keeps the state of the relation (sql/112), while its
--- signals differ: `side` is raw, `inside` pending, `held` confirmed.
+-- For each track near the boundary of such a region a *debounce state* keeps the state of the relation (sql/112), while
+-- its signals differ: `side` is raw, `inside` pending, `held` confirmed.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
 -- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of
--- nothing: neither. A plain region has no shape but its footprint.
+-- nothing: neither. A stateless region has no shape but its footprint.
 create or replace function semap.stands(
   p_region semap.region, p_x_m double precision, p_y_m double precision, p_z_m double precision, p_std_m real,
   p_std_across_m real default null, p_std_yaw_rad real default null
-) returns table (side boolean, enters boolean, leaves boolean)
+) returns table (raw boolean, enters boolean, leaves boolean)
 language sql immutable parallel safe as $$
-  select b.side,
-         b.side and (p_region.core is null or public.st_contains(p_region.core, b.point))
+  select b.raw,
+         b.raw and (p_region.enter_area is null or public.st_contains(p_region.enter_area, b.point))
            and (d.depth_m >= p_region.enter_stds * coalesce(p_std_m, 0)) is not false and not d.is_vague,
          (not b.at_height
-          or not b.side and (p_region.reach is null or not public.st_contains(p_region.reach, b.point))
+          or not b.raw and (p_region.leave_area is null or not public.st_contains(p_region.leave_area, b.point))
              and (d.depth_m >= p_region.leave_stds * coalesce(p_std_m, 0)) is not false and not d.is_vague)
   from (select h.point, h.at_height, h.at_height and case p_region.test
                  when 'covers' then public.st_covers(p_region.shape, h.point)
                  when 'dwithin' then public.st_dwithin(p_region.shape, h.point, p_region.distance_m)
-                 else public.st_contains(coalesce(p_region.shape, p_region.footprint), h.point) end as side
+                 else public.st_contains(coalesce(p_region.shape, p_region.footprint), h.point) end as raw
         from (select public.st_point(p_x_m, p_y_m) as point,
                      p_z_m is null or (p_z_m >= p_region.z_min_m and p_z_m < p_region.z_max_m) as at_height offset 0) h
         offset 0) b
@@ -47,7 +47,7 @@ declare
   v_parts  double precision[];
 begin
   if p_x1_m <> p_x2_m or p_y1_m <> p_y2_m then
-    foreach v_shape in array array[p_region.footprint, p_region.core, p_region.reach] loop
+    foreach v_shape in array array[p_region.footprint, p_region.enter_area, p_region.leave_area] loop
       if v_way operator(public.&&) v_shape and public.st_intersects(public.st_boundary(v_shape), v_way) then
         v_parts := v_parts || array(
           select public.st_linelocatepoint(v_way, d.geom)
@@ -66,69 +66,70 @@ begin
   return array(select distinct part from unnest(0.0::double precision || v_parts) part where part < 1 order by part);
 end $$;
 
--- What is kept of these tracks beside each careful region that their states may concern: one that a track comes into
--- the box of, is in, or is on the verge of.
-create or replace function semap.verges_of(p_arrivals semap.arrival[]) returns semap.verge[]
+-- What is kept of these tracks beside each stateful region that their states may concern: one that a track comes into
+-- the box of, is in, or is on the debounce state of.
+create or replace function semap.debounce_states_of(p_updates semap.state_update[]) returns semap.debounce_state[]
 language plpgsql stable as $$ -- which keeps its plan
 begin
   return (
-    with arrival as (
+    with state_update as (
       select s.*, a.map_id, lag(s.x_m, 1, a.from_x_m) over one_track as before_x_m,
              lag(s.y_m, 1, a.from_y_m) over one_track as before_y_m
-      from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+      from unnest(p_updates) a cross join lateral (select (a.state).*) s
       window one_track as (partition by s.track_id order by s.stamp)
     ), track as (
-      select a.track_id, a.map_id, n.careful_ids,
+      select a.track_id, a.map_id, n.stateful_ids,
              public.st_expand(public.st_makeenvelope(
                least(min(a.x_m), min(a.before_x_m)), least(min(a.y_m), min(a.before_y_m)),
                greatest(max(a.x_m), max(a.before_x_m)), greatest(max(a.y_m), max(a.before_y_m))), 0.001) as extent
-      from arrival a join semap.track_now n using (track_id)
-      group by a.track_id, a.map_id, n.careful_ids
+      from state_update a join semap.track_now n using (track_id)
+      group by a.track_id, a.map_id, n.stateful_ids
     ), concerned as (
       select t.track_id, t.map_id, r.region_id from track t join semap.region r
-        on r.careful and r.map_id = t.map_id and r.footprint && t.extent
+        on r.stateful and r.map_id = t.map_id and r.footprint && t.extent
       union
-      select t.track_id, t.map_id, region_id from track t, unnest(t.careful_ids) region_id
+      select t.track_id, t.map_id, region_id from track t, unnest(t.stateful_ids) region_id
       union
-      select v.track_id, v.map_id, v.region_id from track t join semap.verge v using (track_id)
+      select v.track_id, v.map_id, v.region_id from track t join semap.debounce_state v using (track_id)
     )
     select array_agg(case when v.track_id is not null then v
                           else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null,
-                                   null)::semap.verge
+                                   null)::semap.debounce_state
                      end)
     from concerned c
     join track t using (track_id)
-    cross join lateral (select c.region_id = any (t.careful_ids) as held) h
-    left join semap.verge v on v.track_id = c.track_id and v.region_id = c.region_id);
+    cross join lateral (select c.region_id = any (t.stateful_ids) as held) h
+    left join semap.debounce_state v on v.track_id = c.track_id and v.region_id = c.region_id);
 end $$;
 
 -- Each step of these tracks beside each of these regions: the parts of the way to each state, where the region asks for
 -- them and they are neither too long nor too fast, and (part null) the state itself. What is kept of a track beside a
 -- region was so when its side changed last, and steps before that are none.
-create or replace function semap.steps(p_arrivals semap.arrival[], p_verges semap.verge[])
+create or replace function semap.steps(p_updates semap.state_update[], p_kept semap.debounce_state[])
 returns table (
-  track_id bigint, region_id integer, verge semap.verge, enter_confirm interval, leave_confirm interval,
+  track_id bigint, region_id integer, debounce_state semap.debounce_state, enter_confirm interval,
+  leave_confirm interval,
   known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
-  side boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean,
+  raw boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean,
   is_last boolean,
   seen semap.observation
 )
 language sql stable as $$
-  with arrival as (
+  with state_update as (
     select s.*, lag(s.stamp, 1, a.seen_stamp) over one_track as before_stamp,
            lag(s.x_m, 1, a.from_x_m) over one_track as before_x_m,
            lag(s.y_m, 1, a.from_y_m) over one_track as before_y_m,
            lag(s.z_m, 1, a.from_z_m) over one_track as before_z_m,
            lag(s.is_last, 1, not a.live) over one_track as appears
-    from unnest(p_arrivals) a cross join lateral (select (a.state).*) s
+    from unnest(p_updates) a cross join lateral (select (a.state).*) s
     window one_track as (partition by s.track_id order by s.stamp)
   )
   select c.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
-         s.side, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last,
-         row(w.at, w.x_m, w.y_m, s.side, s.enters, s.leaves, a.appears, null)::semap.observation
-  from unnest(p_verges) c
+         s.raw, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last,
+         row(w.at, w.x_m, w.y_m, s.raw, s.enters, s.leaves, a.appears, null)::semap.observation
+  from unnest(p_kept) c
   join semap.region r on r.region_id = c.region_id
-  join arrival a on a.track_id = c.track_id and (c.side_at is null or a.stamp > c.side_at)
+  join state_update a on a.track_id = c.track_id and (c.raw_at is null or a.stamp > c.raw_at)
   cross join lateral (
     select case
       when r.longest_gap is null or a.appears or a.stamp > a.before_stamp + r.longest_gap
@@ -150,19 +151,20 @@ language sql stable as $$
                 and not q.is_object)
 $$;
 
--- The state of the relation that is kept as a verge.
-create or replace function semap.state_of_verge(p_verge semap.verge) returns semap.relation_state
+-- The state of the relation that is kept as a debounce state.
+create or replace function semap.state_of_debounce(p_kept semap.debounce_state) returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at,
-             p_verge.side,
-             p_verge.side_at, p_verge.x_m, p_verge.y_m, null, null)::semap.relation_state
+  select row(null, p_kept.track_id, p_kept.region_id, p_kept.confirmed, null, p_kept.pending, p_kept.pending_at,
+             p_kept.raw,
+             p_kept.raw_at, p_kept.x_m, p_kept.y_m, null, null)::semap.relation_state
 $$;
 
--- The verge that keeps the state of a relation.
-create or replace function semap.verge_of_state(p_map_id integer, p_state semap.relation_state) returns semap.verge
+-- The debounce state that keeps the state of a relation.
+create or replace function semap.debounce_of_state(p_map_id integer, p_state semap.relation_state)
+returns semap.debounce_state
 language sql immutable parallel safe as $$
   select row(p_state.subject_key, p_state.object_key, p_map_id, p_state.confirmed, p_state.pending, p_state.pending_at,
-             p_state.raw, p_state.raw_at, p_state.x_m, p_state.y_m)::semap.verge
+             p_state.raw, p_state.raw_at, p_state.x_m, p_state.y_m)::semap.debounce_state
 $$;
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
@@ -174,30 +176,30 @@ language sql immutable parallel safe as $$
              p_known_at, semap.transition_time(p_state), p_state.x_m, p_state.y_m)::semap.crossing
 $$;
 
--- Keep where tracks stand to regions after these steps, in the tables: verges where they are between, the regions they
--- are in, and when one of their verges is due, if nothing else happens.
-create or replace function semap.keep_verges(p_verges semap.verge[], p_track_ids bigint[]) returns void
+-- Keep where tracks stand to regions after these steps, in the tables: kept where they are between, the regions they
+-- are in, and when one of their kept is due, if nothing else happens.
+create or replace function semap.keep_debounce_states(p_kept semap.debounce_state[], p_track_ids bigint[]) returns void
 language plpgsql as $$
 begin
-  delete from semap.verge v
-  using unnest(p_verges) n
-  where v.track_id = n.track_id and v.region_id = n.region_id and n.held = n.inside and n.inside = n.side;
-  insert into semap.verge as v
-  select n.* from unnest(p_verges) n where n.held <> n.inside or n.inside <> n.side
+  delete from semap.debounce_state v
+  using unnest(p_kept) n
+  where v.track_id = n.track_id and v.region_id = n.region_id and n.confirmed = n.pending and n.pending = n.raw;
+  insert into semap.debounce_state as v
+  select n.* from unnest(p_kept) n where n.confirmed <> n.pending or n.pending <> n.raw
   on conflict (track_id, region_id) do update
-  set held = excluded.held, inside = excluded.inside, inside_at = excluded.inside_at,
-      side = excluded.side, side_at = excluded.side_at, x_m = excluded.x_m, y_m = excluded.y_m
+  set confirmed = excluded.confirmed, pending = excluded.pending, pending_at = excluded.pending_at,
+      raw = excluded.raw, raw_at = excluded.raw_at, x_m = excluded.x_m, y_m = excluded.y_m
   where v is distinct from excluded;
 
   update semap.track_now t
-  set careful_ids = coalesce(n.region_ids, '{}'),
-      calm_until = case when t.outlier_stamp is null then coalesce(n.due, 'infinity') else '-infinity' end
+  set stateful_ids = coalesce(n.region_ids, '{}'),
+      safe_until = case when t.outlier_stamp is null then coalesce(n.due, 'infinity') else '-infinity' end
   from unnest(p_track_ids) k (track_id)
   left join (
-    select v.track_id, array_agg(v.region_id order by v.region_id) filter (where v.held) as region_ids,
-           min(v.inside_at + case when v.inside then r.enter_confirm else r.leave_confirm end)
-             filter (where v.held <> v.inside) as due
-    from unnest(p_verges) v join semap.region r using (region_id)
+    select v.track_id, array_agg(v.region_id order by v.region_id) filter (where v.confirmed) as region_ids,
+           min(v.pending_at + case when v.pending then r.enter_confirm else r.leave_confirm end)
+             filter (where v.confirmed <> v.pending) as due
+    from unnest(p_kept) v join semap.region r using (region_id)
     group by v.track_id) n using (track_id)
   where t.track_id = k.track_id;
 end $$;
@@ -210,9 +212,9 @@ end $$;
 -- track appears or ends, and where it was evidently inside, or evidently outside, for as long as it takes to confirm
 -- that.
 create or replace function semap.follow_steps(
-  p_arrivals semap.arrival[], p_verges semap.verge[], p_late_from timestamptz default null,
+  p_updates semap.state_update[], p_kept semap.debounce_state[], p_late_from timestamptz default null,
   p_known_from timestamptz default null, p_free_from timestamptz default null,
-  out verges semap.verge[], out crossings semap.crossing[], out spans semap.replayed[]
+  out kept semap.debounce_state[], out crossings semap.crossing[], out spans semap.replayed[]
 )
 language plpgsql stable as $$
 declare
@@ -229,17 +231,17 @@ declare
   v_was_free  boolean;
 begin
   for v_step in
-    select * from semap.steps(p_arrivals, p_verges) s order by s.track_id, s.region_id, s.known_at, s.part nulls last
+    select * from semap.steps(p_updates, p_kept) s order by s.track_id, s.region_id, s.known_at, s.part nulls last
   loop
     if (v_state.subject_key, v_state.object_key) is distinct from (v_step.track_id, v_step.region_id::bigint) then
       if v_state.subject_key is not null then
-        verges := verges || semap.verge_of_state(v_map_id, v_state);
+        kept := kept || semap.debounce_of_state(v_map_id, v_state);
         if p_late_from is not null then
           spans := spans || v_span;
         end if;
       end if;
-      v_state := semap.state_of_verge(v_step.verge);
-      v_map_id := (v_step.verge).map_id;
+      v_state := semap.state_of_debounce(v_step.debounce_state);
+      v_map_id := (v_step.debounce_state).map_id;
       if p_late_from is not null then
         v_span := row(v_step.region_id, v_state.raw_at, null);
         v_run := null;
@@ -285,7 +287,7 @@ begin
     if p_late_from is not null then
       -- whether the track appears with the first free state is a matter of what came before it
       v_appears := v_step.appears and v_step.known_at is distinct from p_free_from;
-      v_decided := case when v_appears then v_step.side when v_step.enters then true when v_step.leaves then false end;
+      v_decided := case when v_appears then v_step.raw when v_step.enters then true when v_step.leaves then false end;
       v_is_free := v_step.known_at > p_free_from or v_step.known_at = p_free_from and v_step.part is null;
       if v_decided is distinct from v_run or v_is_free and not v_was_free then
         v_run := v_decided;
@@ -306,25 +308,25 @@ begin
     end if;
   end loop;
   if v_state.subject_key is not null then
-    verges := verges || semap.verge_of_state(v_map_id, v_state);
+    kept := kept || semap.debounce_of_state(v_map_id, v_state);
     if p_late_from is not null then
       spans := spans || v_span;
     end if;
   end if;
 end $$;
 
--- Follow tracks through these states in their relations to all careful regions, and give what began and ended by it.
-create or replace function semap.follow_carefully(p_arrivals semap.arrival[]) returns semap.crossing[]
+-- Follow tracks through these states in their relations to all stateful regions, and give what began and ended by it.
+create or replace function semap.follow_stateful(p_updates semap.state_update[]) returns semap.crossing[]
 language plpgsql as $$
 declare
-  v_verges     semap.verge[];
+  v_kept     semap.debounce_state[];
   v_crossings  semap.crossing[];
 begin
-  if p_arrivals is null then
+  if p_updates is null then
     return null;
   end if;
-  select f.verges, f.crossings into v_verges, v_crossings
-  from semap.follow_steps(p_arrivals, semap.verges_of(p_arrivals)) f;
-  perform semap.keep_verges(v_verges, array(select distinct track_id from semap.states_of(p_arrivals)));
+  select f.kept, f.crossings into v_kept, v_crossings
+  from semap.follow_steps(p_updates, semap.debounce_states_of(p_updates)) f;
+  perform semap.keep_debounce_states(v_kept, array(select distinct track_id from semap.states_of(p_updates)));
   return v_crossings;
 end $$;
