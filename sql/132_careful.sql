@@ -153,9 +153,10 @@ $$;
 -- The state of the relation that is kept as a verge.
 create or replace function semap.state_of_verge(p_verge semap.verge) returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(null, p_verge.track_id, p_verge.region_id, p_verge.held, null, p_verge.inside, p_verge.inside_at,
-             p_verge.side,
-             p_verge.side_at, p_verge.x_m, p_verge.y_m, null, null)::semap.relation_state
+  select semap.new_relation_state(
+    query_id => null, subject_key => p_verge.track_id, object_key => p_verge.region_id, confirmed => p_verge.held,
+    since => null, pending => p_verge.inside, pending_at => p_verge.inside_at, raw => p_verge.side,
+    raw_at => p_verge.side_at, x_m => p_verge.x_m, y_m => p_verge.y_m)
 $$;
 
 -- The verge that keeps the state of a relation.
