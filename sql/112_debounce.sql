@@ -11,13 +11,25 @@
 --   leaves, pending                    false    false, since now   false once it has lasted for leave_confirm
 --   nothing but the time (all null)    stays    stays              as pending, once that has lasted
 
+-- The state of a relation.
+create or replace function semap.new_relation_state(
+  query_id integer, subject_key bigint, object_key bigint, confirmed boolean, since timestamptz, pending boolean,
+  pending_at timestamptz, raw boolean, raw_at timestamptz, x_m double precision default null,
+  y_m double precision default null, distance_m double precision default null, distance_at timestamptz default null
+) returns semap.relation_state
+language sql immutable parallel safe as $$
+  select row(query_id, subject_key, object_key, confirmed, since, pending, pending_at, raw, raw_at, x_m, y_m,
+             distance_m, distance_at)::semap.relation_state
+$$;
+
 -- The state of a relation of which only is known whether it is confirmed, and since when.
 create or replace function semap.relation_since(
   p_query_id integer, p_subject_key bigint, p_object_key bigint, p_confirmed boolean, p_since timestamptz
 ) returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(p_query_id, p_subject_key, p_object_key, p_confirmed, p_since, p_confirmed, p_since, p_confirmed, p_since,
-             null, null, null, null)::semap.relation_state
+  select semap.new_relation_state(
+    query_id => p_query_id, subject_key => p_subject_key, object_key => p_object_key, confirmed => p_confirmed,
+    since => p_since, pending => p_confirmed, pending_at => p_since, raw => p_confirmed, raw_at => p_since)
 $$;
 
 -- What is seen of a relation when nothing is seen of it: the time.

@@ -150,9 +150,9 @@ create or replace function semap.side_of_line(p_query_id integer, p_subject_key 
                                               p_from_left boolean)
 returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(p_query_id, p_subject_key, p_object_key, false, null, p_from_left, null, p_from_left, null, null, null,
-             null,
-             null)::semap.relation_state
+  select semap.new_relation_state(
+    query_id => p_query_id, subject_key => p_subject_key, object_key => p_object_key, confirmed => false, since => null,
+    pending => p_from_left, pending_at => null, raw => p_from_left, raw_at => null)
 $$;
 
 -- The crossings of lines by tracks that went from where they were (p_places) to where these states say; what pairs are

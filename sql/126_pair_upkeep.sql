@@ -5,10 +5,10 @@
 create or replace function semap.known_pairs(p_query_ids integer[], p_keys bigint[] default null)
 returns semap.relation_state[]
 language sql stable as $$
-  select coalesce(array_agg(row(p.query_id, p.subject_key, p.object_key, p.confirmed, p.since, p.pending, p.pending_at,
-                                p.pending, p.pending_at, null, null, p.distance_m,
-                                p.distance_at)::semap.relation_state),
-                                '{}')
+  select coalesce(array_agg(semap.new_relation_state(
+           query_id => p.query_id, subject_key => p.subject_key, object_key => p.object_key, confirmed => p.confirmed,
+           since => p.since, pending => p.pending, pending_at => p.pending_at, raw => p.pending, raw_at => p.pending_at,
+           distance_m => p.distance_m, distance_at => p.distance_at)), '{}')
   from semap.pair p
   where p.query_id = any (p_query_ids)
     and (p_keys is null or p.subject_key = any (p_keys) or p.object_key = any (p_keys)

@@ -154,9 +154,10 @@ $$;
 -- The state of the relation that is kept as a debounce state.
 create or replace function semap.state_of_debounce(p_kept semap.debounce_state) returns semap.relation_state
 language sql immutable parallel safe as $$
-  select row(null, p_kept.track_id, p_kept.region_id, p_kept.confirmed, null, p_kept.pending, p_kept.pending_at,
-             p_kept.raw,
-             p_kept.raw_at, p_kept.x_m, p_kept.y_m, null, null)::semap.relation_state
+  select semap.new_relation_state(
+    query_id => null, subject_key => p_kept.track_id, object_key => p_kept.region_id, confirmed => p_kept.confirmed,
+    since => null, pending => p_kept.pending, pending_at => p_kept.pending_at, raw => p_kept.raw,
+    raw_at => p_kept.raw_at, x_m => p_kept.x_m, y_m => p_kept.y_m)
 $$;
 
 -- The debounce state that keeps the state of a relation.

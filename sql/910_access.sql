@@ -66,8 +66,8 @@ begin
   -- the place of an event among those of all maps, and how far the log is, would tell how much happens on others
   execute (
     select format('grant select (%s) on semap.event to %s', string_agg(quote_ident(attname), ', '), c_own)
-    from pg_attribute where attrelid = 'semap.event'::regclass and attnum > 0 and not attisdropped
-      and attname <> 'seq');
+    from pg_attribute
+    where attrelid = 'semap.event'::regclass and attnum > 0 and not attisdropped and attname <> 'seq');
   execute 'grant select (worker) on semap.progress to ' || c_own;
 end $$;
 

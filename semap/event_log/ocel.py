@@ -8,20 +8,18 @@ from datetime import UTC
 from pathlib import Path
 from typing import TextIO
 
-from semap.model.event_log import Entry
+from semap.model.event_log import ENTRY_TYPES, Entry
 
 MAP = "Map"
 TRACK = "Track"
 INSTANCE = "Instance"
 """The type of instances whose concept is not known any more."""
 
+KINDS = {"datetime": "time", "str": "string", "int": "integer", "float": "float"}
+RELATED = ("event_id", "type", "stamp", "map", "track_id", "track", "instance_id", "instance", "concept")
+"""What an event itself says, or its objects."""
 SAID: Mapping[str, str] = {
-    "since": "time",
-    "rule": "string",
-    "rule_version": "integer",
-    "cause": "string",
-    "confidence": "float",
-    "verdict": "string",
+    name: KINDS[type_] for name, type_ in ENTRY_TYPES.items() if type_ in KINDS and name not in RELATED
 }
 
 

@@ -11,30 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semap.errors import InvalidInput
-from semap.model.event_log import Entry
+from semap.model.event_log import ENTRY_TYPES, Entry
 
 if TYPE_CHECKING:
     import pyarrow
 
-COLUMNS: Mapping[str, str] = {
-    "event_id": "string",
-    "type": "string",
-    "stamp": "stamp",
-    "since": "stamp",
-    "map": "string",
-    "rule": "string",
-    "rule_version": "int64",
-    "track_id": "int64",
-    "track": "string",
-    "instance_id": "int64",
-    "instance": "string",
-    "concept": "string",
-    "cause": "string",
-    "confidence": "float64",
-    "verdict": "string",
-    "key": "string",
-    "measures": "string",
-}
+KINDS = {"datetime": "stamp", "int": "int64", "float": "float64"}
+"""Of columns that are no text."""
+COLUMNS: Mapping[str, str] = {name: KINDS.get(type_, "string") for name, type_ in ENTRY_TYPES.items()}
 BATCH = 10_000
 
 

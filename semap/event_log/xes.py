@@ -10,7 +10,7 @@ from typing import Literal
 from xml.sax.saxutils import XMLGenerator
 from xml.sax.xmlreader import AttributesImpl
 
-from semap.model.event_log import Entry
+from semap.model.event_log import ENTRY_TYPES, Entry
 
 Case = Literal["instance", "track"]
 EXTENSIONS = {
@@ -21,6 +21,9 @@ EXTENSIONS = {
 }
 XML_TEXT = dict.fromkeys((*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF), "\N{REPLACEMENT CHARACTER}")
 """Characters that XML cannot hold."""
+ELSEWHERE = ("event_id", "type", "stamp", "track_id", "track", "instance_id", "key", "measures")
+"""What extensions and measures say."""
+SAID = tuple(name for name in ENTRY_TYPES if name not in ELSEWHERE)
 
 
 def write_xes(entries: Iterable[Entry], path: Path, case: Case) -> int:
@@ -63,17 +66,7 @@ def _said(entry: Entry) -> Iterator[tuple[str, object]]:
     yield "identity:id", entry.event_id
     if entry.track is not None:
         yield "org:resource", entry.track
-    for name in (
-        "since",
-        "map",
-        "rule",
-        "rule_version",
-        "instance",
-        "concept",
-        "cause",
-        "confidence",
-        "verdict",
-    ):
+    for name in SAID:
         value = getattr(entry, name)
         if value is not None:
             yield f"semap:{name}", value

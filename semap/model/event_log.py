@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import datetime
 from uuid import UUID
 
@@ -33,6 +33,10 @@ class Entry:
     verdict: str | None = None
     key: Mapping[str, object] = field(default_factory=dict)
     measures: Mapping[str, object] = field(default_factory=dict)
+
+
+ENTRY_TYPES: Mapping[str, str] = {each.name: str(each.type).removesuffix(" | None") for each in fields(Entry)}
+"""Of each attribute of an entry, as it is written there, without None."""
 
 
 @dataclass(frozen=True)
