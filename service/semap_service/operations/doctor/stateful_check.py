@@ -25,11 +25,11 @@ MOST_STATES = 10_000
 REACH = timedelta(hours=1)
 """So far back, and so many of each track, states are read."""
 
-SHAPES = ("footprint", "shape", "core", "reach")
+SHAPES = ("footprint", "shape", "enter_area", "leave_area")
 REGIONS = """
     select region_id, query_id, format('%%s (%%s)', instance_name, query_name) as name, test, distance_m,
            st_asbinary(footprint) as footprint, st_asbinary(coalesce(shape, footprint)) as shape,
-           st_asbinary(core) as core, st_asbinary(reach) as reach, z_min_m, z_max_m,
+           st_asbinary(enter_area) as enter_area, st_asbinary(leave_area) as leave_area, z_min_m, z_max_m,
            (extract(epoch from enter_confirm) * 1000000)::bigint as enter_confirm_us,
            (extract(epoch from leave_confirm) * 1000000)::bigint as leave_confirm_us,
            enter_stds, leave_stds, widest_std_m,

@@ -56,8 +56,8 @@ class StatefulRegion:
     footprint: shapely.Geometry
     shape: shapely.Geometry
     distance_m: float | None
-    core: shapely.Geometry | None
-    reach: shapely.Geometry | None
+    enter_area: shapely.Geometry | None
+    leave_area: shapely.Geometry | None
     z_min_m: float
     z_max_m: float
     enter_confirm_us: int
@@ -73,7 +73,7 @@ class StatefulRegion:
         return self.enter_confirm_us if pending else self.leave_confirm_us
 
     def boundaries(self) -> list[shapely.Geometry]:
-        return [each for each in (self.footprint, self.core, self.reach) if each is not None]
+        return [each for each in (self.footprint, self.enter_area, self.leave_area) if each is not None]
 
 
 @dataclass(frozen=True)
@@ -230,10 +230,10 @@ def _stand(
         raw = shapely.contains(region.shape, points)
     raw = raw & at_height
     enters, far = raw.copy(), ~raw
-    if region.core is not None:
-        enters &= shapely.contains(region.core, points)
-    if region.reach is not None:
-        far &= ~shapely.contains(region.reach, points)
+    if region.enter_area is not None:
+        enters &= shapely.contains(region.enter_area, points)
+    if region.leave_area is not None:
+        far &= ~shapely.contains(region.leave_area, points)
     if region.enter_stds is not None and region.leave_stds is not None and region.widest_std_m is not None:
         depth_m = _depth_m(shapely.boundary(region.footprint), x_m, y_m, std_m, across_m, yaw_rad)
         known_m = np.nan_to_num(std_m)
