@@ -360,6 +360,12 @@ begin
   into pairs, changes;
 end $$;
 
+-- The queries, of these, that rank tracks among which these were: what is nearest without them has to be looked up.
+create or replace function semap.ranked_without(p_query_ids integer[], p_gone semap.track_state[]) returns integer[]
+language sql stable as $$
+  select array(select distinct m.query_id from semap.track_members(p_query_ids, p_gone) m where m.is_object)
+$$;
+
 -- Follow tracks from where they are (p_places) through these states, in the order of their stamps, in all pairs of
 -- these queries: where they are then, what pairs are to each other, and what began and ended. At each moment all are
 -- where they are before any two are compared. A state without a place says only that its track has ended.
@@ -378,6 +384,7 @@ declare
                                            and object_kind = 'track');
   v_moment   record;
   v_others   semap.track_state[];
+  v_ranked   integer[];
   v_step     record;
 begin
   pairs := coalesce(pairs, '{}');
@@ -410,9 +417,11 @@ begin
       v_step := semap.ended_pairs(null, v_moment.ended, v_moment.ended, places, v_moment.stamp, 'disappeared', pairs);
       pairs := v_step.pairs;
       changes := changes || v_step.changes;
+      v_ranked := semap.ranked_without(
+        c_nearest, array(select p from unnest(places) p where p.track_id = any (v_moment.ended)));
       places := array(select p from unnest(places) p where p.track_id <> all (v_moment.ended));
-      if c_nearest <> '{}' then
-        v_step := semap.follow_moment(c_nearest, null, places, null, c_nearest, null, v_moment.stamp, 'moved', pairs);
+      if v_ranked <> '{}' then
+        v_step := semap.follow_moment(v_ranked, null, places, null, v_ranked, null, v_moment.stamp, 'moved', pairs);
         pairs := v_step.pairs;
         changes := changes || v_step.changes;
       end if;

@@ -297,6 +297,7 @@ declare
                                            and object_kind = 'track');
   v_before   semap.relation_state[];
   v_places   semap.track_state[];
+  v_ranked   integer[];
   v_step     record;
   v_next     record;
 begin
@@ -309,9 +310,11 @@ begin
   perform semap.record_pair_changes(v_step.changes);
   update semap.pair_progress set revision = revision + 1 where map_id = p_map_id;
   delete from semap.followed_state where track_id = any (p_track_ids);
-  if c_nearest <> '{}' then
+  v_ranked := semap.ranked_without(c_nearest, array(select p from unnest(v_places) p
+                                                    where p.track_id = any (p_track_ids)));
+  if v_ranked <> '{}' then
     v_next := semap.follow_moment(
-      c_nearest, null, array(select p from unnest(v_places) p where p.track_id <> all (p_track_ids)), null, c_nearest,
+      v_ranked, null, array(select p from unnest(v_places) p where p.track_id <> all (p_track_ids)), null, v_ranked,
       null,
       p_at, case when p_cause = 'map' then 'map' else 'moved' end::semap.change_cause, v_step.pairs);
     perform semap.record_pair_changes(v_next.changes);

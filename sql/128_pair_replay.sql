@@ -1,33 +1,24 @@
 -- Pairs of the past are *replayed*: from where tracks were at a moment, and what pairs were then, they are followed by
 -- the code that follows them as states come in (sql/123, 124).
 
--- What these tracks were at a moment, and what they did from there on up to another one: in the order of their stamps,
--- without outliers, and no further than each is known to be now. Of late states that are queued, only those of these
--- late tracks at these stamps. The first state of each track says where it was at that moment, if it was there.
+-- What tracks did from a moment up to another one, of these states of them and where they were at that moment: in the
+-- order of their stamps, without outliers, and no further than each is known to be now. Of late states that are queued,
+-- only those of these late tracks at these stamps. The first state of each track says where it was at that moment, if
+-- it was there.
 create or replace function semap.states_to_replay(
-  p_map_id integer, p_track_ids bigint[], p_from timestamptz, p_to timestamptz,
+  p_map_id integer, p_stated semap.track_state[], p_from timestamptz, p_to timestamptz,
   p_late_ids bigint[], p_late_stamps timestamptz[]
 ) returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
 begin
   return (
-    with taking_part as (
-      select n as present, s as source from semap.track_now n join semap.source s using (source_id)
-      where n.track_id = any (p_track_ids) and n.first_stamp <= p_to
-    ), stated as materialized (
-      select s.track_id, s as state from semap.states(p_track_ids, p_from, p_to) s where s.stamp > p_from
-      union all
-      select l.track_id, l from semap.states_at(
-        array(select (t.present).track_id from taking_part t where (t.present).first_stamp <= p_from), p_from) l
-    ), left_out as materialized (
+    with left_out as materialized (
       select track_id, stamp from semap.late_state
-      where of_pairs and track_id = any (p_track_ids) and stamp <= p_to
+      where of_pairs and track_id in (select track_id from unnest(p_stated)) and stamp <= p_to
       except select * from unnest(p_late_ids, p_late_stamps)
     ), kept as (
-      select track_id, array_agg(state order by (state).stamp) as states, min((state).stamp) as first_stamp
-      from stated
-      where (state).stamp is not null and (track_id, (state).stamp) not in (table left_out)
-      group by track_id
+      select track_id, array_agg(s order by stamp) as states, min(stamp) as first_stamp
+      from unnest(p_stated) s where (track_id, stamp) not in (table left_out) group by track_id
     ), ended as (
       select k.track_id, array_agg(distinct e.stamp) as stamps
       from kept k
@@ -39,13 +30,13 @@ begin
       group by k.track_id
     )
     select array_agg(a order by a.stamp, a.track_id)
-    from taking_part t
-    join kept k on k.track_id = (t.present).track_id
+    from kept k
+    join semap.track_now n using (track_id)
+    join semap.source t using (source_id)
     left join ended e on e.track_id = k.track_id
     cross join lateral semap.updates_again(
-      t.source,
-      array(select s from unnest(k.states) s where s.stamp <= (t.present).stamp), t.present, k.first_stamp > p_from,
-      e.stamps || array(select (t.present).stamp where not (t.present).live and (t.present).stamp <= p_to), p_to) g
+      t, array(select s from unnest(k.states) s where s.stamp <= n.stamp), n, k.first_stamp > p_from,
+      e.stamps || array(select n.stamp where not n.live and n.stamp <= p_to), p_to) g
     cross join lateral semap.states_of(g.updates) a
     where a.stamp > p_from or a.stamp = (select max(stamp) from semap.states_of(g.updates) where stamp <= p_from));
 end $$;

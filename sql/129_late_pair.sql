@@ -178,48 +178,53 @@ begin
     join unnest(v_now) n on (p.query_id, p.subject_key, p.object_key) = (n.query_id, n.subject_key, n.object_key)));
 end $$;
 
--- Which tracks may come into a pair with these between two moments: all of the map where a query asks for the nearest,
--- or for whoever is faced however far away; else those that come near enough. Null where that is too much to look
--- through.
-create or replace function semap.tracks_to_replay(
+-- Where tracks were at a moment, and their states from there up to another one, of all that may come into a pair with
+-- these meanwhile: all of the map where a query asks for the nearest, or for whoever is faced however far away; else
+-- those that come near enough. Null where that is too much to look through.
+create or replace function semap.states_near(
   p_map_id integer, p_query_ids integer[], p_late_ids bigint[], p_from timestamptz, p_to timestamptz
-) returns bigint[]
+) returns semap.track_state[]
 language plpgsql stable set plan_cache_mode = force_custom_plan as $$
 declare
   c_most_states  constant integer := 300000;
-  v_others       bigint[];
+  v_ids          bigint[] := p_late_ids;
   v_reach_m      double precision;
+  v_states       semap.track_state[];
 begin
-  select array_agg(distinct w.track_id) into v_others
-  from semap.pair_track_wanted w join semap.track_now n using (track_id)
-  where w.query_id = any (p_query_ids) and n.first_stamp <= p_to and (n.live or n.stamp >= p_from);
   select max(case when p.reach_m = 'infinity' then 'infinity' else coalesce(q.distance_m, 0) + q.leave_margin_m end)
   into v_reach_m
   from semap.continuous_query q join semap.query_predicate p using (query_id)
   where query_id = any (p_query_ids) and p.object_kind = 'track'
     and (p.subject_kind = 'track' or p.follows_from = 'rank');
-  if v_reach_m is null then
-    return p_late_ids;
-  elsif v_reach_m = 'infinity' then
-    return v_others;
-  elsif (select count(*) from semap.states(v_others, p_from, p_to)) > c_most_states then
+  if v_reach_m is not null then
+    select array_agg(distinct w.track_id) into v_ids
+    from semap.pair_track_wanted w join semap.track_now n using (track_id)
+    where w.query_id = any (p_query_ids) and n.first_stamp <= p_to and (n.live or n.stamp >= p_from);
+  end if;
+  v_states := array(
+    (select s from semap.states(v_ids, p_from, p_to) s where s.stamp > p_from limit c_most_states + 1)
+    union all
+    select l from semap.states_at(
+      array(select track_id from semap.track_now where track_id = any (v_ids) and first_stamp <= p_from), p_from) l);
+  if cardinality(v_states) > c_most_states then
     return null;
+  elsif v_reach_m is null or v_reach_m = 'infinity' then
+    return v_states;
   end if;
   return (
     with seen as materialized (
-      select s.track_id, s.x_m, s.y_m, greatest(s.length_m, s.width_m, 0) as size_m
-      from semap.states(v_others, p_from, p_to) s
-      union all
-      select b.track_id, b.x_m, b.y_m, greatest(b.length_m, b.width_m, 0) from semap.states_at(v_others, p_from) b
+      select s as state, s.track_id, s.x_m, s.y_m, greatest(s.length_m, s.width_m, 0) as size_m from unnest(v_states) s
     ), box as (
       select min(x_m) as x_min_m, max(x_m) as x_max_m, min(y_m) as y_min_m, max(y_m) as y_max_m,
              max(size_m) + v_reach_m as reach_m
       from seen where track_id = any (p_late_ids)
+    ), near as (
+      select distinct s.track_id
+      from seen s, box b
+      where s.x_m between b.x_min_m - b.reach_m - s.size_m and b.x_max_m + b.reach_m + s.size_m
+        and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m
     )
-    select array_agg(distinct s.track_id)
-    from seen s, box b
-    where s.x_m between b.x_min_m - b.reach_m - s.size_m and b.x_max_m + b.reach_m + s.size_m
-      and s.y_m between b.y_min_m - b.reach_m - s.size_m and b.y_max_m + b.reach_m + s.size_m);
+    select array_agg(s.state) from seen s join near using (track_id));
 end $$;
 
 -- What is replayed after states that came late, of these tracks at these stamps, for queries that take so long to
@@ -238,6 +243,7 @@ declare
   c_late_to      constant timestamptz := p_stamps[cardinality(p_stamps)];
   v_present      timestamptz := (select through from semap.pair_progress where map_id = p_map_id);
   v_ids          bigint[] := array(select distinct id from unnest(p_ids) id);
+  v_stated       semap.track_state[];
 begin
   -- what a track was compared with when it appeared is replayed as well
   select least(min(b.stamp), p_stamps[1] - greatest(2 * p_confirm, '1 us')) into from_stamp
@@ -266,11 +272,12 @@ begin
       where (s.stamp = any (n.stamps)) is not true
       order by s.stamp limit p_further) s) a;
   is_present := to_stamp >= v_present;
-  track_ids := semap.tracks_to_replay(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
+  v_stated := semap.states_near(p_map_id, p_query_ids, v_ids, from_stamp, to_stamp);
+  track_ids := array(select distinct track_id from unnest(v_stated));
   if (select count(*) <= c_most_states and count(distinct stamp) <= c_most_stamps
-      from semap.states(track_ids, from_stamp, to_stamp) s where s.stamp > prepare_replay.from_stamp) then
-    states := semap.states_to_replay(p_map_id, track_ids, from_stamp, to_stamp, p_ids, p_stamps);
-    states_without := semap.states_to_replay(p_map_id, track_ids, from_stamp, to_stamp, '{}', '{}');
+      from unnest(v_stated) s where s.stamp > prepare_replay.from_stamp) and v_stated is not null then
+    states := semap.states_to_replay(p_map_id, v_stated, from_stamp, to_stamp, p_ids, p_stamps);
+    states_without := semap.states_to_replay(p_map_id, v_stated, from_stamp, to_stamp, '{}', '{}');
   end if;
 end $$;
 
