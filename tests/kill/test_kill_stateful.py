@@ -55,7 +55,7 @@ class BusyRun(Run):
             return
         self.processes[name] = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("editing.py"))],
-            env={**os.environ, "SEMAP_DSN": self.dsn},
+            env={**os.environ, "SEMAP_DSN": self.dsn, "PYTHONPATH": str(Path(__file__).parents[1])},
         )
 
     def kill(self, name: str) -> None:
