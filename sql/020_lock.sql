@@ -65,7 +65,13 @@ create or replace function semap.lock_regions() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   perform semap.lock_regions_exclusive();
-  perform semap.correct_all();
+  if exists (select from semap.late_state) then
+    begin
+      perform semap.correct_all();
+    exception when others then -- which is no reason to keep the map as it is
+      raise warning 'What came late before this edit is not corrected: %', sqlerrm;
+    end;
+  end if;
   return null;
 end $$;
 

@@ -1,7 +1,8 @@
 """What came late corrects what is known of the past (sql/148), as soon as it is there.
 
 It is done in a thread of the rule worker's process and over a connection of its own, so many states in a
-transaction, so that writers go on meanwhile.
+transaction, so that writers go on meanwhile. Maps take turns; one that cannot be corrected does not stop the
+others.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from contextlib import contextmanager
 from functools import partial
 from threading import Event as Signal
 
-from semap.store.database.connection import listen, wait_for_notice
+from semap.errors import SemapError, ServerUnavailable
+from semap.store.database.connection import listen, translated, wait_for_notice
 from semap.store.motion.correction import correct_some
 from semap.worker.beside import again_and_again, beside
 
@@ -22,6 +24,10 @@ ROLE = "semap_worker"
 CHANNEL = "semap_late"
 EACH_S = 1.0
 RETRY_S = 1.0
+WAITING = """
+    select distinct s.map_id from semap.source s
+    where exists (select from semap.late_state l where l.source_id = s.source_id)
+"""
 
 
 @contextmanager
@@ -39,7 +45,21 @@ def correcting(dsn: str) -> Iterator[None]:
 
 
 def _follow(dsn: str, stop: Signal) -> None:
+    said: dict[int, str] = {}
     with listen(dsn, CHANNEL, ROLE, application="semap work: correcting") as connection:
         while not stop.is_set():
-            if not correct_some(connection):
+            with translated():
+                waiting = connection.execute(WAITING).fetchall()
+            corrected = 0
+            for (map_id,) in waiting:
+                try:
+                    corrected += correct_some(connection, map_id)
+                    said.pop(map_id, None)
+                except ServerUnavailable:
+                    raise
+                except SemapError as error:
+                    if said.get(map_id) != str(error):
+                        said[map_id] = str(error)
+                        log.warning("The past of the map %d is not corrected: %s", map_id, error)
+            if not corrected:
                 wait_for_notice(connection, EACH_S)
