@@ -1,7 +1,8 @@
 -- Locks, in the order in which a transaction takes them, so that nobody waits in a circle:
 --
 --   1. regions (7363, 0): shared by whoever writes states, lines, sources, tracks; held alone by an edit of the map, by
---      whoever deletes, ends or renames tracks or sources by hand, and by a repair
+--      whoever deletes, ends or renames tracks or sources by hand, by a repair, and by
+--      a verification until it has its snapshot
 --   2. sources (7364, source), each by one writer at a time; of several, in the order of their ids
 --   3. pairs (7373, map), where a map has queries about pairs; of several, in the order of their ids
 --   4. doors (7367, map), where lines or an edit move them

@@ -7,14 +7,15 @@ With `repair`, what differs is made anew in one transaction for each map, which 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import psycopg
-from psycopg import IsolationLevel, sql
+from psycopg import IsolationLevel, errors, sql
 
-from semap.errors import NotFound
+from semap.errors import Conflict, NotFound
 from semap.store.database.connection import connect, translated
-from semap.store.motion.correction import correct_past
+from semap.store.motion.correction import correct_some
 from semap_service.operations.doctor.stateful_check import Progress, check_stateful
 
 EXAMPLES = 5
@@ -114,11 +115,10 @@ class Verification:
     def look(self, map_name: str | None) -> Iterator[Verified]:
         """Every comparison on one map, or on all of them.
 
-        raises NotFound where there is no such map
+        raises NotFound where there is no such map, Conflict where a query was removed meanwhile
         """
         self.differing, self.wrong = set(), {}
-        self.connection.isolation_level = IsolationLevel.REPEATABLE_READ
-        with translated(), self.connection.transaction():
+        with translated(), _snapshot(self.connection):
             for map_id, name in _maps(self.connection, map_name):
                 for comparison in COMPARISONS:
                     self.progress(f"{name}: {comparison.what}")
@@ -157,9 +157,28 @@ class Verification:
 
 
 def verify(dsn: str, progress: Progress) -> Verification:
-    """A connection of its own, which the caller closes; what came late is corrected before."""
-    correct_past(dsn)
+    """A connection of its own, which the caller closes (`Verification.connection`)."""
     return Verification(connect(dsn, application="semap doctor", autocommit=True), progress)
+
+
+@contextmanager
+def _snapshot(connection: psycopg.Connection) -> Iterator[None]:
+    """One snapshot, in which nothing that came late waits to be corrected; writers wait until it is taken."""
+    connection.isolation_level = IsolationLevel.READ_COMMITTED
+    while correct_some(connection):
+        pass
+    connection.execute("select pg_advisory_lock(7363, 0)")  # as an edit of the map does (sql/020)
+    try:
+        connection.execute("select semap.correct_all()")
+        connection.isolation_level = IsolationLevel.REPEATABLE_READ
+        with connection.transaction():
+            connection.execute("select pg_advisory_unlock(7363, 0)")
+            yield
+    except errors.UndefinedFunction as error:  # which a snapshot does not keep
+        raise Conflict("A query was removed while its relations were verified.", "Verify again.") from error
+    finally:
+        with suppress(psycopg.Error):
+            connection.execute("select pg_advisory_unlock_all()")
 
 
 def _maps(connection: psycopg.Connection, map_name: str | None) -> list[tuple[int, str]]:
