@@ -175,6 +175,7 @@ def test_late_states_are_counted_and_correct_what_was_told(world: World) -> None
     done = replay(world.dsn, replace(PLAN, fingerprint="f2", keep_open=True), early)
     assert done.late == 60
     assert len(stored(world)) == 120
+    world.correct()
     first = to_datetime(int(early.stamp_us.min()))
     held = world.rows("select since from semap.relation where map_id = %s order by since", world.map_id)
     assert (len(held), held[0][0]) == (tracks, first), "everybody is in the room since the earliest state"
