@@ -265,7 +265,10 @@ language sql as $$
   select semap.refresh_map_pairs(map_id, array_agg(query_id), p_instance_ids, p_track_ids, p_is_other)
   from (select query_id, map_id from semap.pair_query where query_id = any (p_query_ids)
         union select query_id, map_id from semap.continuous_query where query_id = any (p_query_ids)) q
-  group by map_id order by map_id
+  group by map_id order by map_id;
+  -- what comes while nothing is asked about pairs is not followed: the next query begins anew
+  delete from semap.pair_progress p
+  where not exists (select from semap.continuous_query q where q.map_id = p.map_id and q.in_pairs and q.enabled)
 $$;
 
 -- Bring pairs in line with these instances, which were added, edited or removed.

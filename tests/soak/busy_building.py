@@ -172,7 +172,9 @@ def hand_over(shift: Shift, dice: random.Random, counts: dict[str, int], names: 
     with connect(shift.dsn, "semap_ingest") as connection:
         others = [
             name
-            for (name,) in connection.execute("select name from semap.source where name <> %s", [shift.name])
+            for (name,) in connection.execute(
+                "select name from semap.source where name <> %s and name like 'w%%'", [shift.name]
+            )
         ]
         if others:
             connection.execute(
@@ -280,21 +282,19 @@ def end_track(connection: psycopg.Connection, dice: random.Random) -> None:
 
 
 def read(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
-    """Relations and presents, each in one snapshot: whoever is in a region or a pair lives."""
+    """Relations and presents, each in one snapshot: who is in a region lives, who is in a pair where pairs are."""
     with connect(shift.dsn, "semap_read") as connection:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         while not shift.is_over():
             with connection.transaction():
-                related = {
-                    row[0]
-                    for row in connection.execute(
-                        "select track_id from semap.relation"
-                        " union select unnest(array[track_id, object_track_id]) from semap.pair"
-                    )
-                }
-                live = {
-                    row[0] for row in connection.execute("select track_id from semap.track_now where live")
-                }
-            assert related <= live
+                strange = connection.execute(
+                    "select track_id from semap.relation"
+                    " except select track_id from semap.track_now where live"
+                ).fetchall()
+                strange += connection.execute(
+                    "select key from semap.pair cross join unnest(array[subject_key, object_key]) key where key > 0"
+                    " except select track_id from semap.followed_state"
+                ).fetchall()
+            assert strange == []
             count(counts, "read")
             Signal().wait(dice.uniform(0.02, 0.2))
