@@ -13,10 +13,9 @@ from contextlib import contextmanager
 from functools import partial
 from threading import Event as Signal
 
-from semap.errors import SemapError, ServerUnavailable
 from semap.store.database.connection import listen, translated, wait_for_notice
 from semap.store.motion.correction import correct_some
-from semap.worker.beside import again_and_again, beside
+from semap.worker.beside import OneByOne, again_and_again, beside
 
 log = logging.getLogger(__name__)
 
@@ -45,21 +44,10 @@ def correcting(dsn: str) -> Iterator[None]:
 
 
 def _follow(dsn: str, stop: Signal) -> None:
-    said: dict[int, str] = {}
+    maps = OneByOne(log, "The past of the map %d is not corrected: %s")
     with listen(dsn, CHANNEL, ROLE, application="semap work: correcting") as connection:
         while not stop.is_set():
             with translated():
                 waiting = connection.execute(WAITING).fetchall()
-            corrected = 0
-            for (map_id,) in waiting:
-                try:
-                    corrected += correct_some(connection, map_id)
-                    said.pop(map_id, None)
-                except ServerUnavailable:
-                    raise
-                except SemapError as error:
-                    if said.get(map_id) != str(error):
-                        said[map_id] = str(error)
-                        log.warning("The past of the map %d is not corrected: %s", map_id, error)
-            if not corrected:
+            if not maps.each((map_id for (map_id,) in waiting), partial(correct_some, connection)):
                 wait_for_notice(connection, EACH_S)

@@ -15,9 +15,8 @@ from threading import Event as Signal
 
 import psycopg
 
-from semap.errors import SemapError, ServerUnavailable
 from semap.store.database.connection import connect, translated
-from semap.worker.beside import again_and_again, beside
+from semap.worker.beside import OneByOne, again_and_again, beside
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +41,8 @@ def settling(dsn: str) -> Iterator[None]:
 
 
 def _follow(dsn: str, stop: Signal) -> None:
-    said: dict[int, str] = {}
+    # a deadlock with who sends a state again is over the next time
+    compacted = OneByOne(log, "States of the source %d are not compacted: %s")
     with connect(dsn, ROLE, application="semap work: settling") as connection:
         while not stop.wait(EACH_S):
             with translated():
@@ -51,21 +51,16 @@ def _follow(dsn: str, stop: Signal) -> None:
                 sources = connection.execute(
                     "select distinct source_id from semap.state_chunk where track_id is null"
                 ).fetchall()
-            for (source_id,) in sources:
-                try:
-                    _compact(connection, source_id, stop)
-                except ServerUnavailable:
-                    raise
-                except SemapError as error:
-                    # the others go on; a deadlock with who sends a state again is over the next time
-                    if said.get(source_id) != str(error):
-                        said[source_id] = str(error)
-                        log.warning("States of the source %d are not compacted: %s", source_id, error)
+            compacted.each((source_id for (source_id,) in sources), partial(_compact, connection, stop))
 
 
-def _compact(connection: psycopg.Connection, source_id: int, stop: Signal) -> None:
+def _compact(connection: psycopg.Connection, stop: Signal, source_id: int) -> int:
+    """Of how many states."""
+    done = 0
     with translated():
         while not stop.is_set():
             (states,) = connection.execute("select semap.compact_states(%s)", [source_id]).fetchone() or (0,)
             if not states:
-                return
+                break
+            done += states
+    return done
