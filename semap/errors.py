@@ -25,7 +25,7 @@ class NotFound(CallerError):
     """The thing that was named does not exist."""
 
     def __init__(self, kind: str, name: object, remedy: str = "") -> None:
-        super().__init__(f"There is no {kind} {name}.", remedy)
+        super().__init__(f"There is no {kind} {name if name != '' else '(an empty name)'}.", remedy)
         self.kind = kind
         self.name = name
 
@@ -108,6 +108,10 @@ class ServerMissing(DatabaseError):
 
 class ServerUnavailable(DatabaseError):
     """The server does not answer, or went away; trying again later may help."""
+
+
+class InUse(ServerUnavailable):
+    """Others use what is needed, or changed it meanwhile; trying again helps."""
 
 
 class ServerUnfit(DatabaseError):

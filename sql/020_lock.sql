@@ -24,6 +24,7 @@
 --   7371, 0          who delivers webhooks, only tried
 --   7372             the number of webhooks
 --   7375, 0          who answers queries that are asked for in SQL, shared, as long as its connection lasts
+--   7376, hash       a bridge, by its map and name, as long as its connection lasts; only tried, never waited for
 --
 -- A trigger's statements see what was committed before its lock was granted, which holds only at READ COMMITTED.
 

@@ -194,21 +194,13 @@ language sql stable as $$
   left join outline o on o.instance_id = i.instance_id
 $$;
 
--- Put every row of a change set back to its version before, as a change set of its own, and say which descriptions
--- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since,
--- or where something that came later would go with a row.
-create or replace function semap.undo_change_set(p_change_set_id bigint) returns bigint[]
-language plpgsql security definer set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $$
+-- Refuse to undo a change set of which the caller may not see all, or whose rows were changed since. This acts with
+-- the rights of its owner: what its caller may not see is not there.
+create or replace function semap.refuse_undo(p_change_set_id bigint) returns void
+language plpgsql as $$
 declare
-  v_later    text;
-  v_table    record;
-  v_columns  text;
-  v_values   text;
-  v_update   text;
-  v_match    text;
+  v_later  text;
 begin
-  perform semap.lock_regions_exclusive();
-  -- this runs with the rights of its owner: what its caller may not see is not there
   if not exists (select from semap.change_set where change_set_id = p_change_set_id)
      or semap.visible_maps() is not null
         and (select bool_and(v.map_id is not null and v.map_id = any ((select semap.visible_maps())::integer[]))
@@ -229,31 +221,38 @@ begin
     raise exception 'Change set % cannot be undone: % came after it.', p_change_set_id, v_later
       using errcode = 'unique_violation', hint = 'Undo the later change first.';
   end if;
-
   if not exists (select from semap.row_version
                  where change_set_id = p_change_set_id and table_name <> 'abstraction') then
     raise exception 'Change set % is not of rows that are there to be put back.', p_change_set_id
       using errcode = 'invalid_parameter_value', hint = 'Choose another change set.';
   end if;
-  perform set_config('semap.change_set', '', true);
-  perform set_config('semap.undoes', p_change_set_id::text, true);
-  set constraints all deferred;
-  drop table if exists pg_temp.undone;
-  create temporary table undone on commit drop as
-    select distinct on (v.table_name, v.row_key) v.table_name, v.row_key, b.content, b.shape
-    from semap.row_version v
-    left join lateral (
-      select content, shape from semap.row_version b
-      where b.table_name = v.table_name and b.row_key = v.row_key and b.change_set_id <> v.change_set_id
-        and b.version_id < v.version_id
-      order by b.version_id desc limit 1) b on true
-    where v.change_set_id = p_change_set_id and v.table_name <> 'abstraction'
-    order by v.table_name, v.row_key, v.version_id;
+end $$;
 
-  if exists (select from pg_temp.undone where table_name = 'map' and content is null) then
-    raise exception 'Change set % made the map.', p_change_set_id
-      using errcode = 'unique_violation', hint = 'Delete the map itself.';
-  end if;
+-- The rows of a change set as they were before it; without content where it made them.
+create or replace function semap.rows_before(p_change_set_id bigint)
+returns table (table_name text, row_key text, content jsonb, shape public.geometry)
+language sql stable as $$
+  select distinct on (v.table_name, v.row_key) v.table_name, v.row_key, b.content, b.shape
+  from semap.row_version v
+  left join lateral (
+    select content, shape from semap.row_version b
+    where b.table_name = v.table_name and b.row_key = v.row_key and b.change_set_id <> v.change_set_id
+      and b.version_id < v.version_id
+    order by b.version_id desc limit 1) b on true
+  where v.change_set_id = p_change_set_id and v.table_name <> 'abstraction'
+  order by v.table_name, v.row_key, v.version_id
+$$;
+
+-- Make the rows that pg_temp.undone names what it says: those that were there first, since others refer to them.
+create or replace function semap.put_rows_back() returns void
+language plpgsql as $$
+declare
+  v_table    record;
+  v_columns  text;
+  v_values   text;
+  v_update   text;
+  v_match    text;
+begin
   for v_table in select * from semap.kept_table where table_name <> 'abstraction' order by place loop
     select string_agg(quote_ident(attname), ', '),
            string_agg(case when attname = v_table.shape then 'u.shape' else 'r.' || quote_ident(attname) end, ', '),
@@ -267,9 +266,7 @@ begin
       'insert into semap.%1$I (%2$s) overriding system value select %3$s'
       ' from pg_temp.undone u, jsonb_populate_record(null::semap.%1$I, u.content) r'
       ' where u.table_name = %1$L and u.content is not null on conflict (%4$s) do %5$s',
-      v_table.table_name, v_columns, v_values,
-      v_table.key,
-      coalesce('update set ' || v_update, 'nothing'));
+      v_table.table_name, v_columns, v_values, v_table.key, coalesce('update set ' || v_update, 'nothing'));
   end loop;
   for v_table in select * from semap.kept_table where table_name <> 'abstraction' order by place desc loop
     v_match := 'concat_ws(''/'', r.' || replace(v_table.key, ', ', ', r.') || ')';
@@ -277,6 +274,28 @@ begin
                    ' where u.table_name = %L and u.content is null and u.row_key = %s'
                    ' and %s', v_table.table_name, v_table.table_name, v_match, v_table.which);
   end loop;
+end $$;
+
+-- Put every row of a change set back to its version before, as a change set of its own, and say which descriptions
+-- have other geometries now: their abstractions are for the caller to derive. Refused where a row was changed since,
+-- or where something that came later would go with a row.
+create or replace function semap.undo_change_set(p_change_set_id bigint) returns bigint[]
+language plpgsql security definer set search_path = public, pg_temp set timezone = 'UTC' set datestyle = 'ISO' as $$
+declare
+  v_later  text;
+begin
+  perform semap.lock_regions_exclusive();
+  perform semap.refuse_undo(p_change_set_id);
+  perform set_config('semap.change_set', '', true);
+  perform set_config('semap.undoes', p_change_set_id::text, true);
+  set constraints all deferred;
+  drop table if exists pg_temp.undone;
+  create temporary table undone on commit drop as select * from semap.rows_before(p_change_set_id);
+  if exists (select from pg_temp.undone where table_name = 'map' and content is null) then
+    raise exception 'Change set % made the map.', p_change_set_id
+      using errcode = 'unique_violation', hint = 'Delete the map itself.';
+  end if;
+  perform semap.put_rows_back();
   select distinct v.table_name || ' ' || coalesce(b.content ->> 'name', v.row_key) into v_later
   from semap.row_version v
   left join lateral (

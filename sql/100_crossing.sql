@@ -40,6 +40,20 @@ begin
   order by public.st_distance(door.shape, v_point), i.uid limit 1;
 end $$;
 
+-- What of relations is remembered goes, and what holds stays: these begin anew where they are looked at next.
+create or replace function semap.settle_relations(p_relations semap.relation[]) returns void
+language sql as $$
+  with gone as (
+    delete from semap.relation n using unnest(p_relations) s
+    where n.query_id = s.query_id and n.subject_key = s.subject_key and n.object_key = s.object_key and not n.confirmed
+  )
+  update semap.relation n
+  set pending = true, pending_at = null, raw = true, raw_at = null, x_m = null, y_m = null
+  from unnest(p_relations) s
+  where n.query_id = s.query_id and n.subject_key = s.subject_key and n.object_key = s.object_key and n.confirmed
+    and not (n.pending and n.raw)
+$$;
+
 -- Write crossings to relation_change in the order of their stamps, bring relation up to date, and keep what is over in
 -- relation_past. Those of one track and region come in the order in which they happened. An edit of the map has no
 -- event time of its own and takes the last stamp of each track, so the same crossing may happen twice at one stamp: its
@@ -56,6 +70,7 @@ begin
     select c.track_id, c.region_id, c.kind, c.cause, c.stamp, c.transition_at, c.x_m, c.y_m, c.place,
            r.map_id, r.query_id, r.query_name, r.instance_id, r.instance_uid, r.instance_name,
            t.uid as track_uid, t.name as track_name, n.place as relation_place,
+           n.is_remembered and r.stateful and c.cause = 'moved' as is_remembered,
            case when c.kind = 'began' then c.transition_at
                 else least(coalesce(lag(c.transition_at) over one_pair, n.since), c.transition_at) end as since,
            lead(c.kind) over one_pair is null as is_final, w.edge, w.door_id, w.door_name
@@ -63,8 +78,9 @@ begin
       as c (track_id, region_id, kind, cause, stamp, transition_at, x_m, y_m, place)
     cross join lateral (select * from semap.region r where r.region_id = c.region_id offset 0) r
     cross join lateral (select uid, name from semap.track t where t.track_id = c.track_id offset 0) t
-    left join lateral (select since, ctid as place from semap.relation n
-                       where n.track_id = c.track_id and n.region_id = c.region_id offset 0) n on true
+    left join lateral (select since, ctid as place, pending or raw as is_remembered from semap.relation n
+                       where n.query_id = r.query_id and n.subject_key = c.track_id and n.object_key = -r.instance_id
+                       offset 0) n on true
     left join lateral semap.crossed_at(c.region_id, case when c.cause = 'moved' then c.x_m end, c.y_m) w on true
     window one_pair as (partition by c.track_id, c.region_id order by c.place)
   ), changed as (
@@ -85,9 +101,12 @@ begin
     from told where kind = 'ended' order by transition_at, place
   ), gone as (
     delete from semap.relation where ctid = any (array(
-      select relation_place from told where is_final and kind = 'ended' and relation_place is not null))
+      select relation_place from told where is_final and kind = 'ended' and not is_remembered))
+  ), ended as (
+    update semap.relation set confirmed = false, since = null where ctid = any (array(
+      select relation_place from told where is_final and kind = 'ended' and is_remembered))
   )
-  insert into semap.relation as n (track_id, region_id, query_id, instance_id, map_id, since)
-  select track_id, region_id, query_id, instance_id, map_id, since from told where is_final and kind = 'began'
-  on conflict (track_id, region_id) do update set since = excluded.since;
+  insert into semap.relation (query_id, map_id, track_id, instance_id, confirmed, since, pending, raw)
+  select query_id, map_id, track_id, instance_id, true, since, true, true from told where is_final and kind = 'began'
+  on conflict (query_id, subject_key, object_key) do update set confirmed = true, since = excluded.since;
 end $$;

@@ -204,28 +204,35 @@ language sql immutable parallel safe as $$
   from (select st_x(a) - p_x0_m + 1e-60 - 1e-60 as x1, st_y(a) - p_y0_m + 1e-60 - 1e-60 as y1,
                st_x(b) - p_x0_m + 1e-60 - 1e-60 as x2, st_y(b) - p_y0_m + 1e-60 - 1e-60 as y2
         from (select st_startpoint(geom) as a, st_endpoint(geom) as b
-              from st_dumpsegments(st_forcepolygonccw(p_shape)) offset 0) s offset 0) e
+              from st_dumpsegments(st_forcepolygonccw(p_shape))) s) e
 $$;
 
--- How probable it is that a position lies in an area whose error is along one direction only, in which its standard
--- deviation is a vector [m]. `least` and `most` are for lines a billionth of it to either side, which may run along an
+-- How probable it is that a position lies in an area whose error, of this covariance [m^2], is along one direction
+-- only. `least` and `most` are for lines a billionth of its standard deviation to either side, which may run along an
 -- edge.
 create or replace function semap.probability_on_line(
   p_shape public.geometry, p_x_m double precision, p_y_m double precision,
-  p_std_x_m double precision, p_std_y_m double precision,
+  p_cov_xx_m2 double precision, p_cov_xy_m2 double precision, p_cov_yy_m2 double precision,
   out probability double precision, out "least" double precision, out most double precision
 )
 language plpgsql immutable parallel safe as $$
 declare
-  c_variance  constant double precision := p_std_x_m * p_std_x_m + p_std_y_m * p_std_y_m;
+  c_along     constant double precision := (p_cov_xx_m2 + p_cov_yy_m2) / 2
+                + sqrt(((p_cov_xx_m2 - p_cov_yy_m2) / 2) ^ 2 + p_cov_xy_m2 * p_cov_xy_m2);
+  c_axis      constant double precision[] := case when p_cov_xx_m2 >= p_cov_yy_m2
+                then array[c_along - p_cov_yy_m2, p_cov_xy_m2] else array[p_cov_xy_m2, c_along - p_cov_xx_m2] end;
+  c_scale     constant double precision := sqrt(c_along / (c_axis[1] * c_axis[1] + c_axis[2] * c_axis[2]));
+  c_std_x_m   constant double precision := c_scale * c_axis[1];
+  c_std_y_m   constant double precision := c_scale * c_axis[2];
+  c_variance  constant double precision := c_std_x_m * c_std_x_m + c_std_y_m * c_std_y_m;
 begin
   -- the line comes in where an edge leads down, and goes out where one leads up
   select avg(held), min(held) - 1e-12, max(held) + 1e-12 into probability, "least", most
   from unnest(array[-1e-9 * c_variance, 1e-9 * c_variance]) as aside,
        lateral (select coalesce(sum(case when v1 > aside then -1 else 1 end
                                     * semap.normal_cdf(u1 + (u2 - u1) * ((aside - v1) / (v2 - v1)))), 0) as held
-                from semap.edges_seen_from(p_shape, p_x_m, p_y_m, p_std_x_m / c_variance, p_std_y_m / c_variance,
-                                           -p_std_y_m, p_std_x_m)
+                from semap.edges_seen_from(p_shape, p_x_m, p_y_m, c_std_x_m / c_variance, c_std_y_m / c_variance,
+                                           -c_std_y_m, c_std_x_m)
                 where (v1 > aside) <> (v2 > aside)) s;
 end $$;
 
@@ -247,8 +254,6 @@ declare
   c_trace     constant double precision := c_xx + c_yy;
   c_det       constant double precision := c_xx * c_yy - c_xy * c_xy;
   v_shape     public.geometry := p_shape;
-  v_axis      double precision[];
-  v_std       double precision;
   v_distance  double precision;
   v_skew      double precision;
   v_error     double precision;
@@ -271,15 +276,11 @@ begin
   if abs(v_distance) > 9 * sqrt(c_trace) then
     -- the distribution beyond nine standard deviations is less than 1e-17
     probability := (v_distance > 0)::integer;
-    "least" := greatest(0, probability - 1e-15);
-    most := least(1, probability + 1e-15);
-    return;
+    "least" := probability - 1e-15;
+    most := probability + 1e-15;
   elsif c_det <= 1e-12 * c_trace * c_trace then
-    v_std := c_trace / 2 + sqrt(((c_xx - c_yy) / 2) ^ 2 + c_xy * c_xy); -- the variance along the line
-    v_axis := case when c_xx >= c_yy then array[v_std - c_yy, c_xy] else array[c_xy, v_std - c_xx] end;
-    v_std := sqrt(v_std / (v_axis[1] * v_axis[1] + v_axis[2] * v_axis[2]));
     select l.probability, l."least", l.most into probability, "least", most
-    from semap.probability_on_line(p_shape, p_x_m, p_y_m, v_std * v_axis[1], v_std * v_axis[2]) l;
+    from semap.probability_on_line(p_shape, p_x_m, p_y_m, c_xx, c_xy, c_yy) l;
   else
     if st_npoints(v_shape) > 50 then
       v_shape := st_clipbybox2d(v_shape, st_makeenvelope(p_x_m - 9 * sqrt(c_xx), p_y_m - 9 * sqrt(c_yy),

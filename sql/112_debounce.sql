@@ -22,6 +22,16 @@ language sql immutable parallel safe as $$
              distance_m, distance_at)::semap.relation_state
 $$;
 
+-- The state of a relation that is stored.
+create or replace function semap.state_of_relation(p_relation semap.relation) returns semap.relation_state
+language sql immutable parallel safe as $$
+  select semap.new_relation_state(
+    query_id => p_relation.query_id, subject_key => p_relation.subject_key, object_key => p_relation.object_key,
+    confirmed => p_relation.confirmed, since => p_relation.since, pending => p_relation.pending,
+    pending_at => p_relation.pending_at, raw => p_relation.raw, raw_at => p_relation.raw_at, x_m => p_relation.x_m,
+    y_m => p_relation.y_m, distance_m => p_relation.distance_m, distance_at => p_relation.distance_at)
+$$;
+
 -- The state of a relation of which only is known whether it is confirmed, and since when.
 create or replace function semap.relation_since(
   p_query_id integer, p_subject_key bigint, p_object_key bigint, p_confirmed boolean, p_since timestamptz

@@ -32,6 +32,16 @@ begin
       hint = format('It relates %s.', array_to_string(v_predicate.relates, ', '));
   end if;
   new.in_pairs := v_predicate.region_test is null or new.subject_kind <> 'track' or new.object_kind <> 'instance';
+  if new.follows_amendments and new.in_pairs then
+    raise check_violation using
+      message = format('%s between %s and %s does not follow amendments', new.predicate, new.subject_kind,
+                       new.object_kind),
+      hint = 'Ask for a track in, on or near an instance, or leave follows_amendments out.';
+  elsif tg_op = 'UPDATE' and old.follows_amendments and not new.follows_amendments then
+    raise check_violation using
+      message = format('the query %s has followed amendments already', old.name),
+      hint = 'Add another query that does not, and delete this one.';
+  end if;
   return new;
 end $$;
 

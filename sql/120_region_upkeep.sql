@@ -95,24 +95,12 @@ language sql as $$
   where r.region_id = any (p_region_ids) and r.map_id = n.map_id
 $$;
 
--- Bring the regions of these instances in line with the map and the queries. Who is in a region that
--- appeared, changed or went enters or leaves it now, at the last stamp of the track.
-create or replace function semap.refresh_regions(p_instance_ids bigint[]) returns void
-language plpgsql as $$
+-- Write the regions of these instances as the map and the queries ask for them: which are other ones than before.
+create or replace function semap.write_regions(p_instance_ids bigint[]) returns integer[]
+language plpgsql as $$ -- which plans for how many they are
 declare
-  v_gone       integer[];
-  v_changed    integer[];
-  v_crossings  semap.crossing[];
+  v_changed  integer[];
 begin
-  if p_instance_ids is null then
-    return;
-  end if;
-  perform semap.lock_regions_exclusive();
-
-  select array_agg(r.region_id) into v_gone
-  from semap.region r left join semap.region_wanted w using (query_id, instance_id)
-  where r.instance_id = any (p_instance_ids) and w.instance_id is null;
-
   with changed as (
     insert into semap.region as r (
       query_id, query_name, instance_id, instance_uid, instance_name, map_id, footprint, z_min_m, z_max_m,
@@ -148,24 +136,24 @@ begin
     returning region_id
   )
   select array_agg(region_id) into v_changed from changed;
-  if v_gone is null and v_changed is null then
-    return;
-  end if;
+  return v_changed;
+end $$;
 
-  perform semap.flush_maps(array(select distinct map_id from semap.region where region_id = any (v_gone || v_changed)));
-  perform semap.unsettle(v_gone || v_changed);
-  perform semap.index_regions(v_changed);
-  perform semap.unsettle(v_changed);
-  perform semap.note_valid_from(v_changed);
-
+-- Who enters and leaves regions by an edit: those that have changed, and those that are wanted no more.
+create or replace function semap.crossings_by_edit(p_changed_ids integer[], p_gone_ids integer[])
+returns semap.crossing[]
+language plpgsql stable as $$
+declare
+  v_crossings  semap.crossing[];
+begin
   with inside as (
-    select t.track_id, r.region_id
+    select distinct semap.subject_now(r.query_id, t.track_id) as track_id, r.region_id
     from semap.region_cell c
     join semap.region r using (region_id)
     join semap.track_now t
       on t.map_id = c.map_id and t.live
       and floor(t.x_m / t.cell_m)::integer = c.cell_x and floor(t.y_m / t.cell_m)::integer = c.cell_y
-    where c.region_id = any (v_changed)
+    where c.region_id = any (p_changed_ids)
       and case when r.stateful then (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
                     and (r.subject is null or exists (select from semap.query_track s
                                                    where s.query_id = r.query_id and s.track_id = t.track_id
@@ -176,29 +164,70 @@ begin
     select coalesce(i.track_id, n.track_id) as track_id, coalesce(i.region_id, n.region_id) as region_id,
            case when n.track_id is null then 'began' else 'ended' end::semap.change_kind as kind
     from inside i
-    full join (select track_id, region_id from semap.relation where region_id = any (v_gone || v_changed)) n
-      using (track_id, region_id)
+    full join (select n.track_id, r.region_id from semap.region r join semap.relation n using (query_id, instance_id)
+               where r.region_id = any (p_gone_ids || p_changed_ids) and n.confirmed) n using (track_id, region_id)
     where i.track_id is null or n.track_id is null
   )
   select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing)
     into v_crossings
-  from crossed c join semap.track_now t using (track_id);
+  from crossed c join semap.region r using (region_id)
+  cross join lateral semap.present_stamp(r.query_id, c.track_id) t (stamp)
+  where c.track_id is not null;
+  return v_crossings;
+end $$;
+
+-- In which regions these tracks are: those that are found by where they are alone, and those that are followed.
+create or replace function semap.regions_held(p_track_ids bigint[])
+returns table (track_id bigint, plain_ids integer[], stateful_ids integer[])
+language sql stable as $$
+  select k.track_id,
+         coalesce(array_agg(r.region_id order by r.region_id) filter (where not r.stateful), '{}'),
+         coalesce(array_agg(r.region_id order by r.region_id) filter (where r.stateful), '{}')
+  from (select distinct track_id from unnest(p_track_ids) u (track_id)) k
+  left join semap.relation n on n.track_id = k.track_id and n.confirmed and not n.in_pairs
+  left join semap.region r on r.query_id = n.query_id and r.instance_id = n.instance_id
+  group by k.track_id
+$$;
+
+-- Bring the regions of these instances in line with the map and the queries. Who is in a region that
+-- appeared, changed or went enters or leaves it now, at the last stamp of the track.
+create or replace function semap.refresh_regions(p_instance_ids bigint[]) returns void
+language plpgsql as $$
+declare
+  v_gone       integer[];
+  v_changed    integer[];
+  v_crossings  semap.crossing[];
+begin
+  if p_instance_ids is null then
+    return;
+  end if;
+  perform semap.lock_regions_exclusive();
+  select array_agg(r.region_id) into v_gone
+  from semap.region r left join semap.region_wanted w using (query_id, instance_id)
+  where r.instance_id = any (p_instance_ids) and w.instance_id is null;
+  v_changed := semap.write_regions(p_instance_ids);
+  if v_gone is null and v_changed is null then
+    return;
+  end if;
+
+  perform semap.flush_maps(array(select distinct map_id from semap.region where region_id = any (v_gone || v_changed)));
+  perform semap.unsettle(v_gone || v_changed);
+  perform semap.index_regions(v_changed);
+  perform semap.unsettle(v_changed);
+  perform semap.note_valid_from(v_changed);
+  v_crossings := semap.crossings_by_edit(v_changed, v_gone);
   perform semap.record_crossings(v_crossings);
-
-  delete from semap.debounce_state where region_id = any (v_changed);
-  update semap.track_now t
-  set region_ids = held.plain_ids, stateful_ids = held.stateful_ids
-  from (select k.track_id,
-               coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}') as plain_ids,
-               coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
-        from (select track_id from unnest(v_crossings)
-              union select track_id from semap.relation where region_id = any (v_changed)) k
-        left join semap.relation n using (track_id)
-        left join semap.region r on r.region_id = n.region_id
-        group by k.track_id) held
-  where t.track_id = held.track_id;
-
+  perform semap.settle_relations(array_agg(n))
+  from semap.region r join semap.relation n using (query_id, instance_id) where r.region_id = any (v_gone || v_changed);
   delete from semap.region where region_id = any (v_gone);
+  update semap.track_now t
+  set region_ids = h.plain_ids, stateful_ids = h.stateful_ids
+  from semap.regions_held(array(
+    select track_id from unnest(v_crossings)
+    union
+    select n.track_id from semap.region r join semap.relation n using (query_id, instance_id)
+    where r.region_id = any (v_changed))) h
+  where t.track_id = h.track_id;
 end $$;
 
 -- A footprint was added, edited or removed: its regions follow.
@@ -290,6 +319,18 @@ begin
     select array_agg(query_id) into v_query_ids from new_query;
     perform semap.choose_tracks(v_query_ids, null);
   end if;
+  if tg_op = 'UPDATE' then
+    -- what it was in pairs ends before it begins in regions
+    perform semap.refresh_pairs(array_agg(query_id), null, null, true)
+    from new_query n join old_query o using (query_id) where o.in_pairs and not n.in_pairs
+    having count(*) > 0;
+  end if;
+  if tg_op = 'UPDATE' then
+    perform semap.read_again(array_agg(distinct g.track_id), min(g.to_stamp))
+    from new_query n join old_query o using (query_id) join semap.track_reading g on g.map_id = n.map_id
+    where n.follows_amendments and not o.follows_amendments
+    having count(*) > 0;
+  end if;
   perform semap.refresh_regions(array_agg(distinct instance_id))
   from (select instance_id from semap.region where query_id = any (v_query_ids)
         union all select instance_id from semap.region_wanted where query_id = any (v_query_ids)) i;
@@ -299,7 +340,7 @@ begin
     from (select n.query_id, not (n.enabled and o.enabled
                                   and to_jsonb(n) - '{name,payload,sql}'::text[]
                                       = to_jsonb(o) - '{name,payload,sql}'::text[]) as is_other
-          from new_query n join old_query o using (query_id) where n.in_pairs or o.in_pairs) q
+          from new_query n join old_query o using (query_id) where n.in_pairs) q
     group by is_other;
   elsif exists (select from semap.pair_side where query_id = any (v_query_ids))
      or exists (select from semap.pair_query where query_id = any (v_query_ids)) then
@@ -321,7 +362,6 @@ create or replace function semap.map_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where map_id in (select map_id from old_map);
-  delete from semap.pair where map_id in (select map_id from old_map);
   delete from semap.pair_instance where map_id in (select map_id from old_map);
   delete from semap.pair_query where map_id in (select map_id from old_map);
   delete from semap.followed_state where map_id in (select map_id from old_map);

@@ -25,6 +25,40 @@ begin
   return case when p_on_x * p_back_x + p_on_y * p_back_y < 0 then v_on > 0 end;
 end $$;
 
+-- How a way meets a corner of a line that lies on it: the side of the line from which it comes to it and the one on
+-- which it leaves it (null: along the line, or no side). `back` leads to the corner before, `on` to the next one.
+create or replace function semap.way_at_corner(
+  p_back_x double precision, p_back_y double precision, p_on_x double precision, p_on_y double precision,
+  p_way_x double precision, p_way_y double precision,
+  out comes_along boolean, out comes_from_left boolean, out goes_along boolean, out goes_to_left boolean
+)
+language plpgsql immutable parallel safe as $$
+declare
+  v_back_along  double precision := case when p_way_x * p_back_y - p_way_y * p_back_x = 0
+                                         then p_way_x * p_back_x + p_way_y * p_back_y end;
+  v_on_along    double precision := case when p_way_x * p_on_y - p_way_y * p_on_x = 0
+                                         then p_way_x * p_on_x + p_way_y * p_on_y end;
+begin
+  comes_along := v_back_along <= 0 is true or v_on_along <= 0 is true;
+  goes_along := v_back_along > 0 is true or v_on_along > 0 is true;
+  comes_from_left := semap.points_left(p_back_x, p_back_y, p_on_x, p_on_y, -p_way_x, -p_way_y);
+  goes_to_left := semap.points_left(p_back_x, p_back_y, p_on_x, p_on_y, p_way_x, p_way_y);
+end $$;
+
+-- Which ends of a way, as parts of it, lie within an edge that it runs along.
+create or replace function semap.ends_within_edge(
+  p_x1_m double precision, p_y1_m double precision, p_x2_m double precision, p_y2_m double precision,
+  p_edge_x1_m double precision, p_edge_y1_m double precision,
+  p_edge_x2_m double precision, p_edge_y2_m double precision
+) returns setof double precision
+language sql immutable parallel safe as $$
+  select e.part
+  from (values (0.0::double precision, p_x1_m, p_y1_m), (1.0, p_x2_m, p_y2_m)) e (part, x_m, y_m)
+  cross join lateral (select (e.x_m - p_edge_x1_m) * (p_edge_x2_m - p_edge_x1_m)
+                             + (e.y_m - p_edge_y1_m) * (p_edge_y2_m - p_edge_y1_m) as along) a
+  where a.along > 0 and a.along < (p_edge_x2_m - p_edge_x1_m) ^ 2 + (p_edge_y2_m - p_edge_y1_m) ^ 2
+$$;
+
 -- Where a straight way meets lines, with the side of the line from which it comes to it and the one on which it leaves
 -- it (null: along the line, or no side). Parts of the way in [0, 1].
 create or replace function semap.way_meets(
@@ -41,10 +75,9 @@ declare
   v_way_y    double precision := p_y2_m - p_y1_m;
   v_corners  integer;
   v_is_ring  boolean;
+  v_before   integer;
   v_from     double precision;
   v_to       double precision;
-  v_before   integer;
-  v_after    integer;
 begin
   for v_line in select (public.st_dump(public.st_removerepeatedpoints(p_lines))).geom loop
     select array_agg(public.st_x(geom) order by path), array_agg(public.st_y(geom) order by path) into v_x, v_y
@@ -52,61 +85,35 @@ begin
     v_corners := cardinality(v_x);
     v_is_ring := v_corners > 2 and v_x[1] = v_x[v_corners] and v_y[1] = v_y[v_corners];
     for i in 1 .. v_corners loop
-      -- a corner that lies on the way
-      if v_way_x * (v_y[i] - p_y1_m) - v_way_y * (v_x[i] - p_x1_m) = 0 and not (v_is_ring and i = v_corners) then
+      v_from := v_way_x * (v_y[i] - p_y1_m) - v_way_y * (v_x[i] - p_x1_m);
+      if v_from = 0 and not (v_is_ring and i = v_corners) then
         part := (v_way_x * (v_x[i] - p_x1_m) + v_way_y * (v_y[i] - p_y1_m)) / (v_way_x * v_way_x + v_way_y * v_way_y);
-        v_before := case when i > 1 then i - 1 when v_is_ring then v_corners - 1 end;
-        v_after := case when i < v_corners then i + 1 end;
         if part between 0 and 1 then
-          comes_along := false;
-          goes_along := false;
-          comes_from_left := semap.points_left(v_x[v_before] - v_x[i], v_y[v_before] - v_y[i],
-                                               v_x[v_after] - v_x[i], v_y[v_after] - v_y[i], -v_way_x, -v_way_y);
-          goes_to_left := semap.points_left(v_x[v_before] - v_x[i], v_y[v_before] - v_y[i],
-                                            v_x[v_after] - v_x[i], v_y[v_after] - v_y[i], v_way_x, v_way_y);
-          foreach v_before in array array_remove(array[v_before, v_after], null) loop
-            if v_way_x * (v_y[v_before] - v_y[i]) - v_way_y * (v_x[v_before] - v_x[i]) = 0 then
-              if v_way_x * (v_x[v_before] - v_x[i]) + v_way_y * (v_y[v_before] - v_y[i]) > 0 then
-                goes_along := true;
-              else
-                comes_along := true;
-              end if;
-            end if;
-          end loop;
+          v_before := case when i > 1 then i - 1 when v_is_ring then v_corners - 1 end;
+          select c.* into comes_along, comes_from_left, goes_along, goes_to_left
+          from semap.way_at_corner(v_x[v_before] - v_x[i], v_y[v_before] - v_y[i], v_x[i + 1] - v_x[i],
+                                   v_y[i + 1] - v_y[i], v_way_x, v_way_y) c;
           return next;
         end if;
       end if;
-      -- an edge that the way meets between its corners
-      if i < v_corners then
-        v_from := v_way_x * (v_y[i] - p_y1_m) - v_way_y * (v_x[i] - p_x1_m);
-        v_to := v_way_x * (v_y[i + 1] - p_y1_m) - v_way_y * (v_x[i + 1] - p_x1_m);
-        if v_from < 0 and v_to > 0 or v_from > 0 and v_to < 0 then
-          comes_along := false;
-          goes_along := false;
-          comes_from_left := v_from < 0;
-          goes_to_left := v_from > 0;
-          v_from := (v_x[i + 1] - v_x[i]) * (p_y1_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x1_m - v_x[i]);
-          v_to := (v_x[i + 1] - v_x[i]) * (p_y2_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x2_m - v_x[i]);
-          -- two zeros: a line so long that its coordinates cannot tell both ends of the way apart
-          if (v_from >= 0 and v_to <= 0 or v_from <= 0 and v_to >= 0) and v_from <> v_to then
-            part := v_from / (v_from - v_to);
-            return next;
-          end if;
-        elsif v_from = 0 and v_to = 0 then
-          -- the way may begin or end within an edge that it runs along
-          for v_before in 0 .. 1 loop
-            part := v_before;
-            v_from := (p_x1_m + part * v_way_x - v_x[i]) * (v_x[i + 1] - v_x[i])
-                    + (p_y1_m + part * v_way_y - v_y[i]) * (v_y[i + 1] - v_y[i]);
-            if v_from > 0 and v_from < (v_x[i + 1] - v_x[i]) ^ 2 + (v_y[i + 1] - v_y[i]) ^ 2 then
-              comes_along := true;
-              goes_along := true;
-              comes_from_left := null;
-              goes_to_left := null;
-              return next;
-            end if;
-          end loop;
+      exit when i = v_corners;
+      v_to := v_way_x * (v_y[i + 1] - p_y1_m) - v_way_y * (v_x[i + 1] - p_x1_m);
+      if v_from < 0 and v_to > 0 or v_from > 0 and v_to < 0 then
+        comes_along := false;
+        goes_along := false;
+        comes_from_left := v_from < 0;
+        goes_to_left := v_from > 0;
+        v_from := (v_x[i + 1] - v_x[i]) * (p_y1_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x1_m - v_x[i]);
+        v_to := (v_x[i + 1] - v_x[i]) * (p_y2_m - v_y[i]) - (v_y[i + 1] - v_y[i]) * (p_x2_m - v_x[i]);
+        -- two zeros: a line so long that its coordinates cannot tell both ends of the way apart
+        if (v_from >= 0 and v_to <= 0 or v_from <= 0 and v_to >= 0) and v_from <> v_to then
+          part := v_from / (v_from - v_to);
+          return next;
         end if;
+      elsif v_from = 0 and v_to = 0 then
+        return query
+          select w.part, true, null::boolean, true, null::boolean
+          from semap.ends_within_edge(p_x1_m, p_y1_m, p_x2_m, p_y2_m, v_x[i], v_y[i], v_x[i + 1], v_y[i + 1]) w (part);
       end if;
     end loop;
   end loop;

@@ -1,17 +1,13 @@
 -- Pairs follow the map, the queries, and who is on it; and what is found of them is written.
 
--- What pairs of these queries are to each other: all, or (p_keys) those of these things and of what is nearest to
--- anything.
-create or replace function semap.known_pairs(p_query_ids integer[], p_keys bigint[] default null)
+-- What pairs of these queries are to each other: all, or those of these tracks and of what is nearest to anything.
+create or replace function semap.known_pairs(p_query_ids integer[], p_track_ids bigint[] default null)
 returns semap.relation_state[]
 language sql stable as $$
-  select coalesce(array_agg(semap.new_relation_state(
-           query_id => p.query_id, subject_key => p.subject_key, object_key => p.object_key, confirmed => p.confirmed,
-           since => p.since, pending => p.pending, pending_at => p.pending_at, raw => p.pending, raw_at => p.pending_at,
-           distance_m => p.distance_m, distance_at => p.distance_at)), '{}')
-  from semap.pair p
-  where p.query_id = any (p_query_ids)
-    and (p_keys is null or p.subject_key = any (p_keys) or p.object_key = any (p_keys)
+  select coalesce(array_agg(semap.state_of_relation(p)), '{}')
+  from semap.relation p
+  where p.query_id = any (p_query_ids) and p.in_pairs
+    and (p_track_ids is null or p.track_id = any (p_track_ids) or p.object_track_id = any (p_track_ids)
          or p.query_id in (select query_id from semap.query_predicate where follows_from = 'rank'))
 $$;
 
@@ -21,26 +17,26 @@ create or replace function semap.keep_pairs(
 ) returns void
 language sql as $$
   with gone as (
-    delete from semap.pair p
+    delete from semap.relation p
     using unnest(p_before) b
     left join unnest(p_now) n on n.query_id = b.query_id and n.subject_key = b.subject_key
       and n.object_key = b.object_key
     where n.query_id is null
       and p.query_id = b.query_id and p.subject_key = b.subject_key and p.object_key = b.object_key
   )
-  insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                          confirmed, since, pending, pending_at, distance_m, distance_at)
-  select p_map_id, n.query_id, case when n.subject_key > 0 then n.subject_key end,
+  insert into semap.relation (query_id, map_id, in_pairs, track_id, subject_instance_id, instance_id, object_track_id,
+                              confirmed, since, pending, pending_at, raw, raw_at, distance_m, distance_at)
+  select n.query_id, p_map_id, true, case when n.subject_key > 0 then n.subject_key end,
          case when n.subject_key < 0 then -n.subject_key end,
          case when n.object_key < 0 then -n.object_key end, case when n.object_key > 0 then n.object_key end,
-         n.confirmed, n.since, n.pending, n.pending_at, n.distance_m, n.distance_at
+         n.confirmed, n.since, n.pending, n.pending_at, n.raw, n.raw_at, n.distance_m, n.distance_at
   from unnest(p_now) n
   left join unnest(p_before) b on n.query_id = b.query_id and n.subject_key = b.subject_key
     and n.object_key = b.object_key
   where n is distinct from b
   on conflict (query_id, subject_key, object_key) do update
   set confirmed = excluded.confirmed, since = excluded.since, pending = excluded.pending,
-      pending_at = excluded.pending_at,
+      pending_at = excluded.pending_at, raw = excluded.raw, raw_at = excluded.raw_at,
       distance_m = excluded.distance_m, distance_at = excluded.distance_at
 $$;
 
@@ -179,9 +175,9 @@ language sql stable as $$
                       where w.query_id = m.query_id and w.is_object = m.is_object and w.instance_id = m.instance_id)
     union
     select p.query_id, k.is_object, k.key
-    from semap.pair p
+    from semap.relation p
     cross join lateral (values (false, p.track_id), (true, p.object_track_id)) k (is_object, key)
-    where p.map_id = p_map_id and p.query_id = any (p_query_ids) and k.key is not null
+    where p.map_id = p_map_id and p.query_id = any (p_query_ids) and p.in_pairs and k.key is not null
       and not exists (
         select from semap.track_side s
         where s.query_id = p.query_id and s.is_object = k.is_object
@@ -190,6 +186,33 @@ language sql stable as $$
                                             and t.track_id = k.key)))) g
   group by g.query_id
 $$;
+
+-- End what takes part in these queries on a map no more, while tracks are at these places: the pairs without it, and
+-- the queries in which something else may be nearest now.
+create or replace function semap.end_gone_pairs(
+  p_map_id integer, p_query_ids integer[], p_instance_ids bigint[], p_places semap.track_state[],
+  inout pairs semap.relation_state[], out nearest_ids integer[]
+)
+language plpgsql as $$
+declare
+  v_gone  record;
+  v_step  record;
+begin
+  for v_gone in select * from semap.gone_from_pairs(p_map_id, p_query_ids, p_instance_ids) order by query_id loop
+    v_step := semap.ended_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, p_places, null, 'map',
+                                pairs);
+    pairs := v_step.pairs;
+    perform semap.record_pair_changes(v_step.changes);
+    delete from semap.pair_instance
+    where query_id = v_gone.query_id
+      and (-instance_id = any (v_gone.subject_keys) and not is_object or -instance_id = any (v_gone.object_keys)
+           and is_object);
+    if v_gone.object_keys is not null then
+      nearest_ids := nearest_ids || array(select query_id from semap.query_predicate where query_id = v_gone.query_id
+                                          and follows_from = 'rank' and in_pairs and enabled);
+    end if;
+  end loop;
+end $$;
 
 -- Bring the pairs of these queries on a map in line with these instances or (null) all, and with these tracks, which
 -- came to take part; and compare again who is not what it was; everybody, where the queries ask something else now.
@@ -200,29 +223,16 @@ language plpgsql as $$
 declare
   v_places   semap.track_state[];
   v_before   constant semap.relation_state[] := semap.known_pairs(p_query_ids);
-  v_pairs    semap.relation_state[] := v_before;
-  v_gone     record;
-  v_step     record;
+  v_pairs    semap.relation_state[];
   v_nearest  integer[];
+  v_step     record;
   v_edited   bigint[];
   v_moved    semap.track_state[];
 begin
   perform semap.begin_following(p_map_id);
   v_places := semap.followed_places(p_map_id);
-  for v_gone in select * from semap.gone_from_pairs(p_map_id, p_query_ids, p_instance_ids) order by query_id loop
-    v_step := semap.ended_pairs(array[v_gone.query_id], v_gone.subject_keys, v_gone.object_keys, v_places, null, 'map',
-                               v_pairs);
-    v_pairs := v_step.pairs;
-    perform semap.record_pair_changes(v_step.changes);
-    delete from semap.pair_instance
-    where query_id = v_gone.query_id
-      and (-instance_id = any (v_gone.subject_keys) and not is_object or -instance_id = any (v_gone.object_keys)
-           and is_object);
-    if v_gone.object_keys is not null then
-      v_nearest := v_nearest || array(select query_id from semap.query_predicate where query_id = v_gone.query_id
-                                      and follows_from = 'rank' and in_pairs and enabled);
-    end if;
-  end loop;
+  select pairs, nearest_ids into v_pairs, v_nearest
+  from semap.end_gone_pairs(p_map_id, p_query_ids, p_instance_ids, v_places, v_before);
   delete from semap.pair_query where query_id = any (p_query_ids)
     and query_id not in (select query_id from semap.pair_side);
   v_edited := semap.place_instances(p_query_ids, p_instance_ids);

@@ -140,6 +140,9 @@ begin
   into v_ids, v_source_ids, v_from
   from semap.track_now
   where track_id = any (p_track_ids) and first_stamp <= p_to and (v_visible is null or map_id = any (v_visible));
+  if v_ids is null or v_from > p_to then
+    return;
+  end if;
   return query
     select s.* from semap.state_chunk c cross join lateral semap.states_of(c) s
     where c.track_id = any (v_ids) and c.from_stamp >= semap.half_hour(v_from) and c.from_stamp <= p_to

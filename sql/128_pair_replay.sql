@@ -49,7 +49,7 @@ language sql stable as $$
   from (select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.relation_past
         where query_id = any (p_query_ids) and tstzrange(since, until, '[]') @> p_at and until > p_at
         union all
-        select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.pair
+        select query_id, track_id, subject_instance_id, instance_id, object_track_id, since from semap.relation
         where query_id = any (p_query_ids) and confirmed and since <= p_at) h
   cross join lateral (select coalesce(h.track_id, -h.subject_instance_id) as subject_key,
                              coalesce(h.object_track_id, -h.instance_id) as object_key) k
@@ -89,6 +89,14 @@ language sql immutable parallel safe as $$
              coalesce((p_change).object_track_id, -(p_change).instance_id), (p_change).kind::text, (p_change).cause,
              (p_change).stamp, (p_change).transition_at, (p_change).since, (p_change).x_m, (p_change).y_m,
              (p_change).direction)::semap.pair_change
+$$;
+
+-- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what
+-- begins and what ends again. p_turn: the how many-th of its kind it is.
+create or replace function semap.place_in_moment(p_change semap.relation_change, p_turn bigint) returns bigint
+language sql immutable parallel safe as $$
+  select case when (p_change).kind = 'began' then 2 * p_turn - 1
+              when (p_change).since < (p_change).transition_at then 0 else 2 * p_turn end
 $$;
 
 -- Which pairs are remembered in two ways, since when they hold aside.

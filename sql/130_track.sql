@@ -38,15 +38,20 @@ begin
   perform semap.lock_source(source_id) from unnest(v_source_ids) source_id;
   perform semap.flush_positions(v_source_ids);
 
-  select array_agg(row(r.track_id, r.region_id, 'ended', 'disappeared',
+  select array_agg(row(n.track_id, r.region_id, 'ended', 'disappeared',
                        greatest(n.ended_at, t.stamp), greatest(n.ended_at, t.stamp), null,
                        null)::semap.crossing) into v_crossings
   from new_track n
   join semap.track_now t using (track_id)
-  join semap.relation r using (track_id)
+  join semap.relation h on h.track_id = n.track_id and h.confirmed
+  join semap.region r on r.query_id = h.query_id and r.instance_id = h.instance_id
   where n.track_id = any (v_ended);
-  perform semap.record_crossings(v_crossings);
-  delete from semap.debounce_state where track_id = any (v_ended);
+  perform semap.record_crossings(semap.crossings_as_told(v_crossings));
+  perform semap.settle_relations(array_agg(n)) from semap.relation n
+  where track_id = any (v_ended) and not in_pairs and not semap.reads_amended(query_id, track_id);
+  perform semap.read_again(array_agg(distinct g.track_id), min(n.ended_at))
+  from new_track n join semap.track_reading g on g.state_track_id = n.track_id and g.to_stamp = 'infinity'
+  where n.track_id = any (v_ended) having count(*) > 0;
   insert into semap.track_end (track_id, stamp)
   select k.track_id, greatest(k.ended_at, t.stamp)
   from new_track k join semap.track_now t using (track_id) where k.track_id = any (v_ended)
@@ -79,9 +84,9 @@ begin
     select gen_random_uuid(), r.map_id, r.query_id, r.query_name, old.track_id, old.name,
            r.instance_id, r.instance_name, 'ended', 'map', t.stamp, t.stamp, n.since
     from semap.relation n
-    join semap.region r using (region_id)
+    join semap.region r using (query_id, instance_id)
     join semap.track_now t using (track_id)
-    where n.track_id = old.track_id
+    where n.track_id = old.track_id and n.confirmed
     order by r.instance_uid, r.query_id;
     perform semap.end_pairs(old.map_id, array[old.track_id], null, 'map');
   end if;
@@ -96,18 +101,20 @@ create or replace function semap.track_deleted() returns trigger
 language plpgsql security definer set search_path = public, pg_temp as $$
 begin
   delete from semap.relation where track_id in (select track_id from old_track);
+  delete from semap.relation where object_track_id in (select track_id from old_track);
   delete from semap.relation_change
   where track_id in (select track_id from old_track) or object_track_id in (select track_id from old_track);
   delete from semap.relation_past where track_id in (select track_id from old_track);
   delete from semap.relation_past where object_track_id in (select track_id from old_track);
-  delete from semap.pair where subject_key in (select track_id from old_track)
-    or object_key in (select track_id from old_track);
   delete from semap.followed_state where track_id in (select track_id from old_track);
   -- where they are among others, each gets chunks of its own first
   perform semap.compact_all(array(select distinct source_id from old_track order by 1));
   delete from semap.state_chunk where track_id in (select track_id from old_track);
   delete from semap.track_state_inbox where track_id in (select track_id from old_track);
   delete from semap.late_state where track_id in (select track_id from old_track);
+  delete from semap.reading_due where track_id in (select track_id from old_track);
+  delete from semap.track_reading
+  where track_id in (select track_id from old_track) or state_track_id in (select track_id from old_track);
   delete from semap.track_now where track_id in (select track_id from old_track);
   return null;
 end $$;

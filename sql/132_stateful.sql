@@ -1,8 +1,8 @@
 -- Regions that have to be followed carefully: what is not containment in an outline, boundaries with a margin or a time
 -- to confirm, probabilities, ways between samples, or subjects that are chosen.
 --
--- For each track near the boundary of such a region a *debounce state* keeps the state of the relation (sql/112), while
--- its signals differ: `side` is raw, `inside` pending, `held` confirmed.
+-- For each track near the boundary of such a region the state of the relation (sql/112) is remembered while its signals
+-- differ. One whose signals agree is settled: of that nothing is remembered but whether it holds.
 
 -- Where a point stands to a region: inside of its boundary, deep enough inside to enter, far enough outside to leave. A
 -- place that is too uncertain (more than widest_std_m, along the longer axis of its error ellipse) is evidence of
@@ -66,9 +66,9 @@ begin
   return array(select distinct part from unnest(0.0::double precision || v_parts) part where part < 1 order by part);
 end $$;
 
--- What is kept of these tracks beside each stateful region that their states may concern: one that a track comes into
--- the box of, is in, or is on the debounce state of.
-create or replace function semap.debounce_states_of(p_updates semap.state_update[]) returns semap.debounce_state[]
+-- What these tracks are to each stateful region that their states may concern: one that a track comes into the box of,
+-- is in, or remembers.
+create or replace function semap.known_relations(p_updates semap.state_update[]) returns semap.relation_state[]
 language plpgsql stable as $$ -- which keeps its plan
 begin
   return (
@@ -85,30 +85,29 @@ begin
       from state_update a join semap.track_now n using (track_id)
       group by a.track_id, a.map_id, n.stateful_ids
     ), concerned as (
-      select t.track_id, t.map_id, r.region_id from track t join semap.region r
+      select t.track_id, r.query_id, r.instance_id from track t join semap.region r
         on r.stateful and r.map_id = t.map_id and r.footprint && t.extent
       union
-      select t.track_id, t.map_id, region_id from track t, unnest(t.stateful_ids) region_id
+      select t.track_id, r.query_id, r.instance_id
+      from track t cross join unnest(t.stateful_ids) region_id join semap.region r using (region_id)
       union
-      select v.track_id, v.map_id, v.region_id from track t join semap.debounce_state v using (track_id)
+      select n.track_id, n.query_id, n.instance_id from track t join semap.relation n using (track_id)
+      where not n.in_pairs and (n.raw <> n.pending or n.pending <> n.confirmed)
     )
-    select array_agg(case when v.track_id is not null then v
-                          else row(c.track_id, c.region_id, c.map_id, h.held, h.held, null, h.held, null, null,
-                                   null)::semap.debounce_state
-                     end)
+    select array_agg(case when n.query_id is not null then semap.state_of_relation(n)
+                          else semap.relation_since(c.query_id, c.track_id, -c.instance_id, false, null) end)
     from concerned c
-    join track t using (track_id)
-    cross join lateral (select c.region_id = any (t.stateful_ids) as held) h
-    left join semap.debounce_state v on v.track_id = c.track_id and v.region_id = c.region_id);
+    left join semap.relation n
+      on n.query_id = c.query_id and n.subject_key = c.track_id and n.object_key = -c.instance_id
+    where not semap.reads_amended(c.query_id, c.track_id));
 end $$;
 
 -- Each step of these tracks beside each of these regions: the parts of the way to each state, where the region asks for
 -- them and they are neither too long nor too fast, and (part null) the state itself. What is kept of a track beside a
 -- region was so when its side changed last, and steps before that are none.
-create or replace function semap.steps(p_updates semap.state_update[], p_kept semap.debounce_state[])
+create or replace function semap.steps(p_updates semap.state_update[], p_kept semap.relation_state[])
 returns table (
-  track_id bigint, region_id integer, debounce_state semap.debounce_state, enter_confirm interval,
-  leave_confirm interval,
+  track_id bigint, region_id integer, before semap.relation_state, enter_confirm interval, leave_confirm interval,
   known_at timestamptz, at timestamptz, x_m double precision, y_m double precision,
   raw boolean, enters boolean, leaves boolean, part double precision, has_parts boolean, appears boolean,
   is_last boolean,
@@ -124,12 +123,12 @@ language sql stable as $$
     from unnest(p_updates) a cross join lateral (select (a.state).*) s
     window one_track as (partition by s.track_id order by s.stamp)
   )
-  select c.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
+  select a.track_id, r.region_id, c, r.enter_confirm, r.leave_confirm, a.stamp, w.at, w.x_m, w.y_m,
          s.raw, s.enters, s.leaves, w.part, p.parts is not null, a.appears, a.is_last,
          row(w.at, w.x_m, w.y_m, s.raw, s.enters, s.leaves, a.appears, null)::semap.observation
   from unnest(p_kept) c
-  join semap.region r on r.region_id = c.region_id
-  join state_update a on a.track_id = c.track_id and (c.raw_at is null or a.stamp > c.raw_at)
+  join semap.region r on r.query_id = c.query_id and r.instance_id = -c.object_key
+  join state_update a on a.track_id = c.subject_key and (c.raw_at is null or a.stamp > c.raw_at)
   cross join lateral (
     select case
       when r.longest_gap is null or a.appears or a.stamp > a.before_stamp + r.longest_gap
@@ -147,109 +146,88 @@ language sql stable as $$
     select a.stamp, null, a.x_m, a.y_m, a.x_m, a.y_m, a.z_m) w
   cross join lateral semap.stands(r, w.on_x_m, w.on_y_m, w.on_z_m, a.std_m, a.std_across_m, a.std_yaw_rad) s
   where r.subject is null
-     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = c.track_id
+     or exists (select from semap.query_track q where q.query_id = r.query_id and q.track_id = a.track_id
                 and not q.is_object)
-$$;
-
--- The state of the relation that is kept as a debounce state.
-create or replace function semap.state_of_debounce(p_kept semap.debounce_state) returns semap.relation_state
-language sql immutable parallel safe as $$
-  select semap.new_relation_state(
-    query_id => null, subject_key => p_kept.track_id, object_key => p_kept.region_id, confirmed => p_kept.confirmed,
-    since => null, pending => p_kept.pending, pending_at => p_kept.pending_at, raw => p_kept.raw,
-    raw_at => p_kept.raw_at, x_m => p_kept.x_m, y_m => p_kept.y_m)
-$$;
-
--- The debounce state that keeps the state of a relation.
-create or replace function semap.debounce_of_state(p_map_id integer, p_state semap.relation_state)
-returns semap.debounce_state
-language sql immutable parallel safe as $$
-  select row(p_state.subject_key, p_state.object_key, p_map_id, p_state.confirmed, p_state.pending, p_state.pending_at,
-             p_state.raw, p_state.raw_at, p_state.x_m, p_state.y_m)::semap.debounce_state
 $$;
 
 -- What a relation that changed says: the moment and the place at which the boundary was crossed last, where that was in
 -- the same direction; else those at which the debounced state changed.
-create or replace function semap.transition(p_state semap.relation_state, p_known_at timestamptz) returns semap.crossing
+create or replace function semap.transition(
+  p_state semap.relation_state, p_region_id integer, p_known_at timestamptz
+) returns semap.crossing
 language sql immutable parallel safe as $$
-  select row(p_state.subject_key, p_state.object_key, case when p_state.confirmed then 'began' else 'ended' end,
+  select row(p_state.subject_key, p_region_id, case when p_state.confirmed then 'began' else 'ended' end,
              'moved',
              p_known_at, semap.transition_time(p_state), p_state.x_m, p_state.y_m)::semap.crossing
 $$;
 
--- Keep where tracks stand to regions after these steps, in the tables: kept where they are between, the regions they
--- are in, and when one of their kept is due, if nothing else happens.
-create or replace function semap.keep_debounce_states(p_kept semap.debounce_state[], p_track_ids bigint[]) returns void
-language plpgsql as $$
+-- Keep how tracks stand to stateful regions after these steps; what began and ended by them is written after it.
+create or replace function semap.keep_relations(p_map_id integer, p_kept semap.relation_state[]) returns void
+language plpgsql as $$ -- which keeps its plan
 begin
-  delete from semap.debounce_state v
-  using unnest(p_kept) n
-  where v.track_id = n.track_id and v.region_id = n.region_id and n.confirmed = n.pending and n.pending = n.raw;
-  insert into semap.debounce_state as v
-  select n.* from unnest(p_kept) n where n.confirmed <> n.pending or n.pending <> n.raw
-  on conflict (track_id, region_id) do update
-  set confirmed = excluded.confirmed, pending = excluded.pending, pending_at = excluded.pending_at,
-      raw = excluded.raw, raw_at = excluded.raw_at, x_m = excluded.x_m, y_m = excluded.y_m
-  where v is distinct from excluded;
+  with gone as (
+    delete from semap.relation n using unnest(p_kept) k
+    where n.query_id = k.query_id and n.subject_key = k.subject_key and n.object_key = k.object_key
+      and not n.confirmed and not k.confirmed and not k.pending and not k.raw
+  )
+  insert into semap.relation as n (query_id, map_id, track_id, instance_id, confirmed, since, pending, pending_at, raw,
+                                   raw_at, x_m, y_m)
+  select k.query_id, p_map_id, k.subject_key, -k.object_key, coalesce(o.confirmed, false), o.since,
+         k.pending, case when d.differ then k.pending_at end, k.raw, case when d.differ then k.raw_at end,
+         case when d.differ then k.x_m end, case when d.differ then k.y_m end
+  from unnest(p_kept) k
+  cross join lateral (select k.confirmed <> k.pending or k.pending <> k.raw as differ) d
+  left join semap.relation o
+    on o.query_id = k.query_id and o.subject_key = k.subject_key and o.object_key = k.object_key
+  where d.differ or o.confirmed or k.confirmed and o.query_id is not null
+  on conflict (query_id, subject_key, object_key) do update
+  set pending = excluded.pending, pending_at = excluded.pending_at, raw = excluded.raw, raw_at = excluded.raw_at,
+      x_m = excluded.x_m, y_m = excluded.y_m
+  where (n.pending, n.pending_at, n.raw, n.raw_at, n.x_m, n.y_m) is distinct from
+        (excluded.pending, excluded.pending_at, excluded.raw, excluded.raw_at, excluded.x_m, excluded.y_m);
+end $$;
 
+-- Note in which stateful regions tracks are, and when a relation of theirs is due if nothing else happens.
+create or replace function semap.note_held(p_kept semap.relation_state[], p_track_ids bigint[]) returns void
+language plpgsql as $$ -- which keeps its plan
+begin
   update semap.track_now t
   set stateful_ids = coalesce(n.region_ids, '{}'),
       safe_until = case when t.outlier_stamp is null then coalesce(n.due, 'infinity') else '-infinity' end
   from unnest(p_track_ids) k (track_id)
   left join (
-    select v.track_id, array_agg(v.region_id order by v.region_id) filter (where v.confirmed) as region_ids,
+    select v.subject_key as track_id, array_agg(r.region_id order by r.region_id) filter (where v.confirmed)
+             as region_ids,
            min(v.pending_at + case when v.pending then r.enter_confirm else r.leave_confirm end)
              filter (where v.confirmed <> v.pending) as due
-    from unnest(p_kept) v join semap.region r using (region_id)
-    group by v.track_id) n using (track_id)
+    from unnest(p_kept) v join semap.region r on r.query_id = v.query_id and r.instance_id = -v.object_key
+    group by v.subject_key) n using (track_id)
   where t.track_id = k.track_id;
 end $$;
 
 -- Follow tracks through these states beside these regions: what of them is to be kept then, and what began and ended.
 -- It writes nothing.
--- Where states came late, from p_late_from on, it also says between which stamps what it found may differ from what was
--- found without them: after the last state before them at which a relation is a matter of the states from p_known_from
--- on alone, and up to the first one at which it is a matter of those from p_free_from on alone. That is so where a
--- track appears or ends, and where it was evidently inside, or evidently outside, for as long as it takes to confirm
--- that.
 create or replace function semap.follow_steps(
-  p_updates semap.state_update[], p_kept semap.debounce_state[], p_late_from timestamptz default null,
-  p_known_from timestamptz default null, p_free_from timestamptz default null,
-  out kept semap.debounce_state[], out crossings semap.crossing[], out spans semap.replayed[]
+  p_updates semap.state_update[], p_kept semap.relation_state[],
+  out kept semap.relation_state[], out crossings semap.crossing[]
 )
 language plpgsql stable as $$
 declare
-  v_step      record;
-  v_state     semap.relation_state;
-  v_before    semap.relation_state;
-  v_map_id    integer;
-  v_span      semap.replayed;
-  v_appears   boolean;
-  v_decided   boolean;
-  v_run       boolean;
-  v_run_at    timestamptz;
-  v_is_free   boolean;
-  v_was_free  boolean;
+  v_step       record;
+  v_state      semap.relation_state;
+  v_before     semap.relation_state;
+  v_region_id  integer;
 begin
   for v_step in
     select * from semap.steps(p_updates, p_kept) s order by s.track_id, s.region_id, s.known_at, s.part nulls last
   loop
-    if (v_state.subject_key, v_state.object_key) is distinct from (v_step.track_id, v_step.region_id::bigint) then
+    if (v_state.subject_key, v_region_id) is distinct from (v_step.track_id, v_step.region_id) then
       if v_state.subject_key is not null then
-        kept := kept || semap.debounce_of_state(v_map_id, v_state);
-        if p_late_from is not null then
-          spans := spans || v_span;
-        end if;
+        kept := kept || v_state;
       end if;
-      v_state := semap.state_of_debounce(v_step.debounce_state);
-      v_map_id := (v_step.debounce_state).map_id;
-      if p_late_from is not null then
-        v_span := row(v_step.region_id, v_state.raw_at, null);
-        v_run := null;
-        v_was_free := false;
-      end if;
+      v_state := v_step.before;
+      v_region_id := v_step.region_id;
     end if;
-    continue when v_span.to_stamp < v_step.known_at;
 
     if v_step.x_m is null then
       null; -- the track was said to have ended, and nobody saw it
@@ -265,13 +243,13 @@ begin
         v_before := v_state;
         v_state := semap.debounce(v_state, semap.time_passed(v_step.at), v_step.enter_confirm, v_step.leave_confirm);
         if v_state.confirmed <> v_before.confirmed then
-          crossings := crossings || semap.transition(v_state, v_step.known_at);
+          crossings := crossings || semap.transition(v_state, v_region_id, v_step.known_at);
         end if;
       end if;
       v_before := v_state;
       v_state := semap.debounce(v_state, v_step.seen, v_step.enter_confirm, v_step.leave_confirm);
       if v_state.confirmed <> v_before.confirmed then
-        crossings := crossings || semap.transition(v_state, v_step.known_at);
+        crossings := crossings || semap.transition(v_state, v_region_id, v_step.known_at);
       end if;
     end if;
 
@@ -284,35 +262,9 @@ begin
       v_state.pending := false;
       v_state.raw := false;
     end if;
-
-    if p_late_from is not null then
-      -- whether the track appears with the first free state is a matter of what came before it
-      v_appears := v_step.appears and v_step.known_at is distinct from p_free_from;
-      v_decided := case when v_appears then v_step.raw when v_step.enters then true when v_step.leaves then false end;
-      v_is_free := v_step.known_at > p_free_from or v_step.known_at = p_free_from and v_step.part is null;
-      if v_decided is distinct from v_run or v_is_free and not v_was_free then
-        v_run := v_decided;
-        v_run_at := v_step.at;
-      end if;
-      v_was_free := v_is_free;
-      if v_step.part is null
-         and (v_appears or v_step.is_last
-              or v_step.at >= v_run_at + (case when v_decided then v_step.enter_confirm
-                                               when not v_decided then v_step.leave_confirm end)) then
-        if v_step.known_at < p_late_from then
-          v_span.from_stamp := case when v_step.known_at >= p_known_from then v_step.known_at
-                                    else v_span.from_stamp end;
-        elsif v_is_free and v_span.to_stamp is null then
-          v_span.to_stamp := v_step.known_at;
-        end if;
-      end if;
-    end if;
   end loop;
   if v_state.subject_key is not null then
-    kept := kept || semap.debounce_of_state(v_map_id, v_state);
-    if p_late_from is not null then
-      spans := spans || v_span;
-    end if;
+    kept := kept || v_state;
   end if;
 end $$;
 
@@ -320,14 +272,16 @@ end $$;
 create or replace function semap.follow_stateful(p_updates semap.state_update[]) returns semap.crossing[]
 language plpgsql as $$
 declare
-  v_kept     semap.debounce_state[];
+  v_map_id     constant integer := p_updates[1].map_id;
+  v_kept       semap.relation_state[];
   v_crossings  semap.crossing[];
 begin
   if p_updates is null then
     return null;
   end if;
   select f.kept, f.crossings into v_kept, v_crossings
-  from semap.follow_steps(p_updates, semap.debounce_states_of(p_updates)) f;
-  perform semap.keep_debounce_states(v_kept, array(select distinct track_id from semap.states_of(p_updates)));
+  from semap.follow_steps(p_updates, semap.known_relations(p_updates)) f;
+  perform semap.keep_relations(v_map_id, v_kept);
+  perform semap.note_held(v_kept, array(select distinct track_id from semap.states_of(p_updates)));
   return v_crossings;
 end $$;

@@ -70,7 +70,7 @@ begin
   if exists (select from semap.region where map_id = p_map_id and stateful) then
     v_crossings := v_crossings || semap.follow_stateful(p_passed);
   end if;
-  perform semap.record_crossings(v_crossings);
+  perform semap.record_crossings(semap.crossings_as_told(v_crossings));
   perform set_config('semap.source_is_locked', 'on', true);
   if exists (select from unnest(p_passed) where not live) then
     update semap.track k set ended_at = null
@@ -101,6 +101,7 @@ begin
     perform semap.refuse_repeated(p_chunks, array(select track_id from semap.states_of(v_late)));
   end if;
   insert into semap.state_chunk select * from unnest(p_chunks);
+  perform semap.read_states_again(p_source, p_chunks);
   if v_late <> '{}' then
     perform semap.queue_late(p_source, v_late);
   end if;

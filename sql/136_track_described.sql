@@ -1,6 +1,28 @@
 -- A track is named, said to be of another concept or to have other attributes, or goes on at another source: the
 -- queries that ask for such are about it from then on, or no longer.
 
+-- What ends in regions since their queries are no longer about a track (p_lost), and what begins since they are
+-- (p_gained): each at the last stamp of the track.
+create or replace function semap.crossings_of_choice(p_lost semap.query_track[], p_gained semap.query_track[])
+returns semap.crossing[]
+language sql stable as $$
+  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
+                   order by c.track_id, c.region_id)
+  from (
+    select l.track_id, r.region_id, 'ended' as kind
+    from unnest(p_lost) l join semap.relation n on n.track_id = l.track_id and n.query_id = l.query_id and n.confirmed
+    join semap.region r on r.query_id = n.query_id and r.instance_id = n.instance_id
+    union all
+    select g.track_id, r.region_id, 'began'
+    from unnest(p_gained) g
+    join semap.track_now t on t.track_id = g.track_id and t.live
+    join semap.region r on r.query_id = g.query_id
+      and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
+    where (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+  ) c
+  join semap.track_now t on t.track_id = c.track_id
+$$;
+
 -- Bring the relations of these tracks in line with which queries are about them now. What a query is no longer about
 -- leaves, and what it is about now and is inside enters, each at the last stamp of the track, with the cause map. Some
 -- got another uid (p_renewed_ids), by which the nearest of two is chosen.
@@ -11,7 +33,6 @@ declare
   v_before      semap.query_track[];
   v_gained      semap.query_track[];
   v_lost        semap.query_track[];
-  v_crossings   semap.crossing[];
 begin
   select array_agg(distinct t.source_id order by t.source_id) into v_source_ids
   from semap.track t
@@ -42,30 +63,14 @@ begin
   end if;
   perform semap.rechoose_in_pairs(p_track_ids, array(select track_id from unnest(v_gained)) || p_renewed_ids);
   perform semap.flush_positions(v_source_ids);
+  perform semap.record_crossings(semap.crossings_of_choice(v_lost, v_gained));
 
-  select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing
-                   order by c.track_id, c.region_id) into v_crossings
-  from (
-    select l.track_id, n.region_id, 'ended' as kind
-    from unnest(v_lost) l join semap.relation n on n.track_id = l.track_id and n.query_id = l.query_id
-    union all
-    select g.track_id, r.region_id, 'began'
-    from unnest(v_gained) g
-    join semap.track_now t on t.track_id = g.track_id and t.live
-    join semap.region r on r.query_id = g.query_id
-      and r.footprint && public.st_expand(public.st_point(t.x_m, t.y_m), 0.001)
-    where (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
-  ) c
-  join semap.track_now t on t.track_id = c.track_id;
-  perform semap.record_crossings(v_crossings);
-
-  delete from semap.debounce_state v using unnest(v_lost) l, semap.region r
-  where v.track_id = l.track_id and r.region_id = v.region_id and r.query_id = l.query_id;
+  perform semap.settle_relations(array_agg(n))
+  from unnest(v_lost) l join semap.relation n on n.track_id = l.track_id and n.query_id = l.query_id and not n.in_pairs;
   update semap.track_now t
-  set safe_x_min_m = 'infinity',
-      stateful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
-                          where n.track_id = t.track_id and r.stateful order by n.region_id)
-  where t.track_id in (select track_id from unnest(v_lost || v_gained));
+  set safe_x_min_m = 'infinity', stateful_ids = h.stateful_ids
+  from semap.regions_held(array(select track_id from unnest(v_lost || v_gained))) h
+  where t.track_id = h.track_id;
 end $$;
 
 -- Bring the pairs of these tracks in line with which queries are about them now; some came to take part.

@@ -20,7 +20,8 @@ language sql stable as $$
     select query_id, instance_id, since, until, map_id from semap.relation_past
     where track_id = p_track_id and tstzrange(since, until, '[]') @> p_at
     union all
-    select query_id, instance_id, since, null, map_id from semap.relation where track_id = p_track_id and since <= p_at
+    select query_id, instance_id, since, null, map_id from semap.relation
+    where track_id = p_track_id and not in_pairs and since <= p_at
   ) h
   cross join lateral (
     select case when p_at in (h.since, h.until) then array(
@@ -31,9 +32,11 @@ $$;
 
 -- The regions that these states of a track may concern, and what is known of it beside each before them: that it was in
 -- those that the log says, and nothing of how it stands to their boundaries. What a region counts from lies in raw_at.
-create or replace function semap.debounce_states_before(
-  p_track_id bigint, p_map_id integer, p_cell_m double precision, p_updates semap.state_update[], p_late_to timestamptz
-) returns semap.debounce_state[]
+-- p_is_amended: those of queries that take the track as amended, whose states these are; else those of the others.
+create or replace function semap.relations_before(
+  p_track_id bigint, p_map_id integer, p_cell_m double precision, p_updates semap.state_update[],
+  p_late_to timestamptz, p_is_amended boolean default false
+) returns semap.relation_state[]
 language plpgsql stable as $$  -- which keeps its plan
 begin
   return (
@@ -45,7 +48,8 @@ begin
              as wide_m
     from (select x_m, y_m from semap.states_of(p_updates) where x_m is not null order by stamp) p
   ), span as (
-    select min(stamp) as first_stamp, max(stamp) as last_stamp from semap.states_of(p_updates)
+    select min(stamp) as first_stamp, case when p_is_amended then p_late_to else max(stamp) end as last_stamp
+    from semap.states_of(p_updates)
   ), concerned as (
     select c.region_id
     from (select distinct floor(x_m / p_cell_m)::integer as cell_x, floor(y_m / p_cell_m)::integer as cell_y
@@ -66,9 +70,12 @@ begin
     select r.region_id, r.query_id, r.instance_id,
            case when p_track_id <= r.valid_from_track_id then r.valid_from else '-infinity' end as valid_from
     from concerned join semap.region r using (region_id)
+    where semap.reads_amended(r.query_id, p_track_id) = p_is_amended
   )
-  select array_agg(row(p_track_id, f.region_id, p_map_id, h.held, h.held, null, h.held,
-                       case when f.valid_from >= s.first_stamp then f.valid_from end, null, null)::semap.debounce_state)
+  select array_agg(semap.new_relation_state(
+           query_id => f.query_id, subject_key => p_track_id, object_key => -f.instance_id, confirmed => h.held,
+           since => null, pending => h.held, pending_at => null, raw => h.held,
+           raw_at => case when f.valid_from >= s.first_stamp then f.valid_from end))
   from formed f
   cross join span s
   cross join lateral (
@@ -127,4 +134,46 @@ begin
         where (a.state).x_m is null or (a.state).stamp = (p_now).stamp) both_kinds
       order by stamp, place) passed;
   end if;
+end $$;
+
+-- Between which stamps what is found of a track beside each region may differ from what was found without states of it
+-- that came late, from p_late_from on: after the last state before them at which a relation is a matter of the states
+-- from p_known_from on alone, and up to the first one at which it is a matter of those from p_free_from on alone. That
+-- is so where the track appears or ends, and where it was evidently inside, or evidently outside, for as long as it
+-- takes to confirm that. Null: no such state is among these.
+create or replace function semap.late_spans(
+  p_updates semap.state_update[], p_kept semap.relation_state[], p_late_from timestamptz, p_known_from timestamptz,
+  p_free_from timestamptz
+) returns semap.replayed[]
+language plpgsql stable as $$ -- which keeps its plan
+begin
+  return (
+    with step as (
+      select region_id, (before).raw_at as counts_from, known_at, part, at, is_last, appears, enter_confirm,
+             leave_confirm,
+             case when appears then raw when enters then true when leaves then false end as decided,
+             known_at > p_free_from or known_at = p_free_from and part is null as is_free
+      from (
+        select region_id, before, known_at, at, part, is_last, enter_confirm, leave_confirm, raw, enters, leaves,
+               -- whether the track appears with the first free state is a matter of what came before it
+               appears and known_at <> p_free_from as appears
+        from semap.steps(p_updates, p_kept)) s
+    ), turn as (
+      select *, decided is distinct from lag(decided) over one_region
+                or is_free and lag(is_free) over one_region is not true as begins
+      from step window one_region as (partition by region_id order by known_at, part)
+    ), run as (
+      select *, max(at) filter (where begins) over (partition by region_id order by known_at, part) as run_at from turn
+    ), sure as (
+      select *, part is null and (appears or is_last
+                                  or at >= run_at + case when decided then enter_confirm
+                                                         when not decided then leave_confirm end) as is_sure
+      from run
+    )
+    select array_agg(span order by (span).region_id) from (
+      select row(region_id,
+                 coalesce(max(known_at) filter (where is_sure and known_at < p_late_from and known_at >= p_known_from),
+                          counts_from),
+                 min(known_at) filter (where is_sure and known_at >= p_late_from and is_free))::semap.replayed as span
+      from sure group by region_id, counts_from) s);
 end $$;

@@ -3,7 +3,7 @@
 -- back by a change that says so, and what was not written is added, both in one transaction (sql/148).
 --
 -- Only what a late state can have changed is found anew: from the last moment before it at which the memory of the
--- track beside a region was a matter of nothing before (semap.follow_steps), up to the first such moment after it. For
+-- track beside a region was a matter of nothing before (semap.late_spans), up to the first such moment after it. For
 -- a stateless region that is the state before it and the one after it. States that are looked through on either side
 -- are 10,000 at most: further away, what is in the log counts.
 -- A region counts from when it got its present form on, and tracks that were not there then from their beginning on.
@@ -90,36 +90,45 @@ begin
 end $$;
 
 -- Keep how a track stands to these regions at its present, after its history was corrected.
-create or replace function semap.keep_present(p_now semap.track_now, p_kept semap.debounce_state[]) returns void
+create or replace function semap.keep_present(p_now semap.track_now, p_kept semap.relation_state[]) returns void
 language plpgsql as $$
 begin
-  delete from semap.debounce_state v using unnest(p_kept) n where v.track_id = n.track_id and v.region_id = n.region_id;
-  insert into semap.debounce_state
-  select n.* from unnest(p_kept) n join semap.region r using (region_id)
-  where r.stateful and (n.confirmed <> n.pending or n.pending <> n.raw);
+  perform semap.keep_relations((p_now).map_id, array(
+    select k from unnest(p_kept) k join semap.region r on r.query_id = k.query_id and r.instance_id = -k.object_key
+    where r.stateful));
   update semap.track_now t
-  set stateful_ids = array(select n.region_id from semap.relation n join semap.region r using (region_id)
-                          where n.track_id = t.track_id and r.stateful order by n.region_id),
+  set stateful_ids = array(
+        select r.region_id from semap.relation n join semap.region r using (query_id, instance_id)
+        where n.track_id = t.track_id and n.confirmed and r.stateful order by r.region_id),
       safe_until = case when t.outlier_stamp is null then coalesce((
-        select min(v.pending_at + case when v.pending then r.enter_confirm else r.leave_confirm end)
-        from semap.debounce_state v join semap.region r using (region_id)
-        where v.track_id = t.track_id and v.confirmed <> v.pending), 'infinity') else '-infinity' end
+        select min(n.pending_at + case when n.pending then r.enter_confirm else r.leave_confirm end)
+        from semap.relation n join semap.region r using (query_id, instance_id)
+        where n.track_id = t.track_id and n.confirmed <> n.pending), 'infinity') else '-infinity' end
   where t.track_id = (p_now).track_id;
 end $$;
 
--- Write in what the log of a track differs from these crossings, in these spans of its relations: changes that are
--- taken back, and changes that are added. What a region was said to be in a span, and what it is said to be now, have
--- to agree on where the track was before, and, but for spans that last up to its present, on where it is after; else
--- nothing of that region is written. A change that stands again after it was taken back gets its identity back.
-create or replace function semap.write_amendments(
+-- Bring what a track is to regions now in line with what was found of it: what holds, since when, and what is over.
+create or replace function semap.hold_relations(p_now semap.track_now, p_held semap.amended[]) returns void
+language sql as $$
+  with over as (
+    delete from semap.relation n using unnest(p_held) h, semap.region r
+    where r.region_id = h.region_id and h.kind = 'ended' and n.query_id = r.query_id
+      and n.subject_key = (p_now).track_id and n.object_key = -r.instance_id and n.confirmed
+  )
+  insert into semap.relation as n (query_id, map_id, track_id, instance_id, confirmed, since, pending, raw)
+  select r.query_id, r.map_id, (p_now).track_id, r.instance_id, true, h.since, true, true
+  from unnest(p_held) h join semap.region r using (region_id) where h.kind = 'began'
+  on conflict (query_id, subject_key, object_key) do update set confirmed = true, since = excluded.since
+  where n.since is distinct from excluded.since
+$$;
+
+-- The spans of a track beside regions in which what its log says can be corrected, each with what these crossings say
+-- there. What a region was said to be in a span, and what it is said to be now, have to agree on where the track was
+-- before, and, but for spans that last up to its present, on where it is after.
+create or replace function semap.sound_spans(
   p_now semap.track_now, p_crossings semap.crossing[], p_spans semap.replayed[], p_present_ids integer[]
-) returns void
-language plpgsql as $$
-declare
-  v_gone  uuid[];
-  v_new   semap.amended[];
-  v_held  semap.amended[];
-begin
+) returns setof semap.sound_span
+language sql stable as $$
   with span as (
     select s.*, r.query_id, r.instance_id, r.stateful, h.since as held_since,
            n.since as after_since, n.until as after_until, s.region_id = any (p_present_ids) as is_present
@@ -134,33 +143,55 @@ begin
            case when s.stateful then c.x_m end as x_m, case when s.stateful then c.y_m end as y_m,
            case when c.kind = 'began' then c.transition_at
                 else least(coalesce(lag(c.transition_at) over one_region, s.held_since), c.transition_at) end as since,
-           coalesce(lag(c.kind = 'began') over one_region, s.held_since is not null) as was_held,
-           lead(c.kind) over one_region is null as is_final
+           coalesce(lag(c.kind = 'began') over one_region, s.held_since is not null) as was_held
     from unnest(p_crossings) with ordinality
       as c (track_id, region_id, kind, cause, stamp, transition_at, x_m, y_m, place)
     join span s using (region_id)
     where c.stamp > s.from_stamp and c.stamp <= s.to_stamp
     window one_region as (partition by s.region_id order by c.place)
+  ), told as (
+    select region_id, bool_and(was_held <> (kind = 'began')) as alternates,
+           array_agg(row(region_id, kind, cause, stamp, transition_at, since, x_m, y_m)::semap.amended order by place)
+             as changes
+    from found group by region_id
   ), after as (
-    select s.*, coalesce(f.kind = 'began', s.held_since is not null) as is_held,
-           case when f.region_id is null then s.held_since when f.kind = 'began' then f.transition_at end as now_since
-    from span s left join found f on f.region_id = s.region_id and f.is_final
-    where not exists (select from found f where f.region_id = s.region_id and f.was_held = (f.kind = 'began'))
-  ), sound as (
-    select * from after where is_present or is_held = (after_since is not null)
+    select s.*, t.changes,
+           case when t.region_id is null then s.held_since
+                when t.changes[cardinality(t.changes)].kind = 'began'
+                  then t.changes[cardinality(t.changes)].transition_at end as now_since
+    from span s left join told t using (region_id)
+    where t.alternates is not false
+  )
+  select region_id, query_id, instance_id, from_stamp, to_stamp, is_present, now_since, after_since, after_until,
+         changes
+  from after where is_present or (now_since is null) = (after_since is null)
+$$;
+
+-- In what the log of a track differs from what was found in these spans: which of its changes do not stand, which are
+-- missing, and how the track stands to regions at present where it does otherwise than was known.
+create or replace function semap.amendments(
+  p_now semap.track_now, p_spans semap.sound_span[],
+  out gone uuid[], out missing semap.amended[], out held semap.amended[]
+)
+language plpgsql stable as $$ -- which keeps its plan
+begin
+  with sound as materialized (
+    select * from unnest(p_spans)
+  ), found as (
+    select c.*, row_number() over () as place from sound s cross join lateral unnest(s.changes) c
   ), stood as (
     select s.region_id, c.uid, c.kind, c.cause, c.stamp, c.transition_at, c.since
     from (select min(from_stamp) as from_stamp, max(to_stamp) as to_stamp from sound) w
     cross join lateral semap.standing_changes_of_track((p_now).map_id, (p_now).track_id, w.from_stamp, w.to_stamp) c
     join sound s using (query_id, instance_id)
     where c.stamp > s.from_stamp and c.stamp <= s.to_stamp
-  ), gone as (
+  ), over as (
     select uid from stood t
     where not exists (select from found f where (f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since)
                                               = (t.region_id, t.kind, t.cause, t.stamp, t.transition_at, t.since))
   ), new as (
     select row(f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since, f.x_m, f.y_m)::semap.amended as change
-    from found f join sound using (region_id)
+    from found f
     where not exists (select from stood t where (f.region_id, f.kind, f.cause, f.stamp, f.transition_at, f.since)
                                               = (t.region_id, t.kind, t.cause, t.stamp, t.transition_at, t.since))
     order by f.place
@@ -177,22 +208,29 @@ begin
       order by c.stamp limit 1) t
     where not s.is_present and s.now_since <> s.after_since and s.after_until is not null
   )
-  select array(select uid from gone union all select uid from tail),
+  select array(select uid from over union all select uid from tail),
          array(select change from new) || array(select change from tail),
-         array(select row(region_id, case when is_held then 'began' else 'ended' end, 'moved', to_stamp, to_stamp,
-                          now_since,
-                          null, null)::semap.amended
+         array(select row(region_id, case when now_since is null then 'ended' else 'began' end, 'moved', to_stamp,
+                          to_stamp, now_since, null, null)::semap.amended
                from sound where is_present or after_until is null and now_since <> after_since)
-  into v_gone, v_new, v_held;
-  perform semap.retract_changes(v_gone);
-  perform semap.add_changes(p_now, v_new);
+  into gone, missing, held;
+end $$;
 
-  delete from semap.relation n using unnest(v_held) h
-  where n.track_id = (p_now).track_id and n.region_id = h.region_id and h.kind = 'ended';
-  insert into semap.relation as n (track_id, region_id, query_id, instance_id, map_id, since)
-  select (p_now).track_id, r.region_id, r.query_id, r.instance_id, r.map_id, h.since
-  from unnest(v_held) h join semap.region r using (region_id) where h.kind = 'began'
-  on conflict (track_id, region_id) do update set since = excluded.since where n.since <> excluded.since;
+-- Write in what the log of a track differs from these crossings, in those of these spans of its relations that are
+-- sound: changes that are taken back, and changes that are added. A change that stands again after it was taken back
+-- gets its identity back.
+create or replace function semap.write_amendments(
+  p_now semap.track_now, p_crossings semap.crossing[], p_spans semap.replayed[], p_present_ids integer[]
+) returns void
+language plpgsql as $$
+declare
+  v_amended  record;
+begin
+  v_amended := semap.amendments(
+    p_now, array(select s from semap.sound_spans(p_now, p_crossings, p_spans, p_present_ids) s order by s.region_id));
+  perform semap.retract_changes(v_amended.gone);
+  perform semap.add_changes(p_now, v_amended.missing);
+  perform semap.hold_relations(p_now, v_amended.held);
 end $$;
 
 -- Queue states that came late, and count them. Rules wait until those are corrected that came within the lateness of
@@ -218,7 +256,7 @@ end $$;
 -- late_to. It writes nothing.
 create or replace function semap.replay_track(
   p_now semap.track_now, p_most integer, out late_from timestamptz, out late_to timestamptz, out last timestamptz,
-  out is_first boolean, out is_present boolean, out kept semap.debounce_state[], out crossings semap.crossing[],
+  out is_first boolean, out is_present boolean, out kept semap.relation_state[], out crossings semap.crossing[],
   out spans semap.replayed[]
 ) language plpgsql stable as $$
 declare
@@ -232,6 +270,7 @@ declare
   v_states        semap.track_state[];
   v_first         timestamptz;
   v_again         record;
+  v_known         semap.relation_state[];
   v_is_unknown    boolean;
   v_is_unsettled  boolean;
 begin
@@ -253,12 +292,12 @@ begin
       array(select distinct stamp
             from semap.standing_changes_of_track(p_now.map_id, p_now.track_id, v_first, last)
             where cause = 'disappeared' and object_track_id is null -- of two tracks the other one may have ended
+              and not semap.reads_amended(query_id, p_now.track_id)
             union select p_now.stamp where is_present and not p_now.live),
       late_to);
-    select f.kept, f.crossings, f.spans into kept, crossings, spans from semap.follow_steps(
-      v_again.updates,
-      semap.debounce_states_before(p_now.track_id, p_now.map_id, p_now.cell_m, v_again.updates, late_to),
-      late_from, coalesce(v_again.known_from, 'infinity'), coalesce(v_again.free_from, 'infinity')) f;
+    v_known := semap.relations_before(p_now.track_id, p_now.map_id, p_now.cell_m, v_again.updates, late_to);
+    spans := semap.late_spans(v_again.updates, v_known, late_from, coalesce(v_again.known_from, 'infinity'),
+                              coalesce(v_again.free_from, 'infinity'));
     select coalesce(bool_or(from_stamp is null), false) and not is_first,
            coalesce(bool_or(to_stamp is null), false) and not is_present
     into v_is_unknown, v_is_unsettled from unnest(spans);
@@ -267,6 +306,10 @@ begin
     v_from := v_from * case when not v_is_unsettled then 1
       when (select count(*) from unnest(c_queued[:p_most]) late where late <= last) * 4 >= v_from then 16 else 4 end;
   end loop;
+  select f.kept, f.crossings into kept, crossings
+  from semap.follow_steps(array(
+    select a from unnest(v_again.updates) a
+    where (a.state).stamp <= (select max(coalesce(to_stamp, 'infinity')) from unnest(spans))), v_known) f;
 end $$;
 
 -- Correct what is known of a track after the oldest of its late states that are queued, at most so many: of how many
@@ -287,7 +330,9 @@ begin
     array(select region_id from unnest(v_found.spans) where to_stamp is null and v_found.is_present));
   if v_found.is_present then
     perform semap.keep_present(c_now, array(
-      select v from unnest(v_found.kept) v join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
+      select k
+      from unnest(v_found.kept) k join semap.region r on r.query_id = k.query_id and r.instance_id = -k.object_key
+      join unnest(v_found.spans) s using (region_id) where s.to_stamp is null));
   end if;
   delete from semap.late_state where track_id = p_track_id and not of_pairs and stamp <= v_found.late_to;
   get diagnostics v_corrected = row_count;

@@ -59,15 +59,17 @@ begin
 end $$;
 
 -- Delete at most so many rows of a kind that are not to be kept, and say how many there were; of states and lines those
--- that lie in no partition of their day, and packed ones, each of which counts as one row. Changes that rules may not
--- have read for good stay: the worker gives those of its last minutes to the rules again where its slot was lost.
+-- that lie in no partition of their day, and packed ones, each of which counts as one row; reports of cameras go with
+-- lines. Changes that rules may not have read for good stay: the worker gives those of its last minutes to the rules
+-- again where its slot was lost.
 create or replace function semap.drop_rows(p_kind text, p_most integer) returns bigint
 language plpgsql security definer
 set search_path = pg_catalog, pg_temp set plan_cache_mode = force_custom_plan as $$
 declare
-  v_before  timestamptz := semap.kept_since(p_kind);
-  v_ids     uuid[];
-  v_rows    bigint := 0;
+  v_before   timestamptz := semap.kept_since(p_kind);
+  v_ids      uuid[];
+  v_rows     bigint := 0;
+  v_reports  bigint;
 begin
   if v_before is null then
     return 0;
@@ -81,6 +83,10 @@ begin
       delete from semap.line_observation_default where ctid = any (array(
         select ctid from semap.line_observation_default where stamp < v_before limit p_most));
       get diagnostics v_rows = row_count;
+      delete from semap.camera_report where ctid = any (array(
+        select ctid from semap.camera_report where stamp < v_before limit p_most - v_rows));
+      get diagnostics v_reports = row_count;
+      v_rows := v_rows + v_reports;
     when 'changes' then
       delete from semap.relation_change where change_id = any (array(
         select c.change_id from semap.map m cross join lateral (

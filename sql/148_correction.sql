@@ -8,24 +8,31 @@
 -- An edit of the map corrects first what is queued, since what came before a region or a query got its form is not
 -- looked at after it.
 
--- Correct the history of some tracks of a source in regions after late states that are queued: of how many states.
+-- Correct the history of some tracks of a source in regions after late states that are queued: of how many states;
+-- where none is, that of some readings that are due: how many.
 create or replace function semap.correct_tracks(p_source_id integer, p_most_tracks integer default 16) returns bigint
 language plpgsql as $$
 declare
   v_track_id   bigint;
   v_corrected  bigint := 0;
 begin
-  perform semap.lock_source(p_source_id);
-  perform semap.flush_positions(array[p_source_id]);
+  perform semap.lock_source(source_id) from unnest(semap.sources_read(p_source_id)) source_id;
+  perform semap.flush_positions(semap.sources_read(p_source_id));
   for v_track_id in
     select track_id from semap.late_state where source_id = p_source_id and not of_pairs
     group by track_id order by min(stamp) limit p_most_tracks
   loop
     v_corrected := v_corrected + semap.correct_track(v_track_id);
   end loop;
+  if v_corrected = 0 then
+    v_corrected := semap.correct_readings(p_source_id, p_most_tracks);
+  end if;
   update semap.source
-  set late_from = (select min(l.stamp) from semap.late_state l
-                   where l.source_id = p_source_id and not l.of_pairs and l.stamp >= late_from)
+  set late_from = (select min(l.stamp) from (
+                     select stamp from semap.late_state where source_id = p_source_id and not of_pairs
+                     union all
+                     select from_stamp from semap.reading_due where source_id = p_source_id) l
+                   where l.stamp >= late_from)
   where source_id = p_source_id and late_from is not null;
   return v_corrected;
 end $$;
@@ -70,13 +77,17 @@ language plpgsql security definer set search_path = public, pg_temp as $$
 declare
   v_late  record;
 begin
-  if not exists (select from semap.late_state) then
+  if not exists (select from semap.late_state union all select from semap.reading_due) then
     return 0;
   end if;
   perform semap.lock_regions_shared();
   select s.source_id, s.map_id, l.of_pairs into v_late
   from semap.source s cross join lateral (
-    select of_pairs from semap.late_state l where l.source_id = s.source_id order by of_pairs limit 1) l
+    select of_pairs from (
+      (select of_pairs from semap.late_state l where l.source_id = s.source_id order by of_pairs limit 1)
+      union all
+      (select false from semap.reading_due d where d.source_id = s.source_id limit 1)) w
+    order by of_pairs limit 1) l
   where p_map_id is null or s.map_id = p_map_id
   order by l.of_pairs, s.late_from, s.source_id limit 1;
   if not found then

@@ -119,6 +119,24 @@ language sql as $$
   on conflict (uid) do nothing
 $$;
 
+-- Count lines of a source that come, and hold its map's doors, until the transaction ends: which map that is.
+create or replace function semap.begin_lines(p_source_id integer, p_newest timestamptz, p_lines bigint) returns integer
+language plpgsql as $$
+declare
+  v_map_id  integer;
+begin
+  perform semap.lock_regions_shared();
+  perform semap.lock_source(p_source_id);
+  select map_id into v_map_id from semap.source where source_id = p_source_id;
+  if not found then
+    raise exception 'There is no source %.', p_source_id
+      using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
+  end if;
+  perform semap.count_received(p_source_id, p_newest, p_lines => p_lines);
+  perform semap.hold_doors(v_map_id);
+  return v_map_id;
+end $$;
+
 -- New lines move the doors whose leaves they are. Of several that may be one leaf in one scan, the longest is. Lines at
 -- or before the present of their door change nothing: they are kept and counted as late.
 create or replace function semap.lines_arrived() returns trigger
@@ -143,16 +161,7 @@ begin
     raise exception 'The lines of one statement come from more than one source.'
       using errcode = 'cardinality_violation', hint = 'Insert or copy the lines of each source by themselves.';
   end if;
-  perform semap.lock_regions_shared();
-  perform semap.lock_source(v_source_id);
-  select map_id into v_map_id from semap.source where source_id = v_source_id;
-  if not found then
-    raise exception 'There is no source %.', v_source_id
-      using errcode = 'foreign_key_violation', hint = 'Insert the source into semap.source first.';
-  end if;
-  perform semap.count_received(v_source_id, v_newest, p_lines => v_lines);
-  perform semap.hold_doors(v_map_id);
-
+  v_map_id := semap.begin_lines(v_source_id, v_newest, v_lines);
   with seen as materialized (
     select distinct on (e.instance_id, n.stamp) e.instance_id, n.stamp, e.angle_rad, e.angle_std_rad
     from new_line n

@@ -79,10 +79,13 @@ end $$;
 create or replace trigger track_amendment_arrives before insert on semap.track_amendment
   for each row execute function semap.track_amendment_arrives();
 
--- Listeners on semap_amendment are woken by new amendments.
+-- Whose states are whose follows amendments, and for queries that follow them so do relations (sql/149). Listeners on
+-- semap_amendment are woken.
 create or replace function semap.track_amendments_arrived() returns trigger
-language plpgsql as $$
+language plpgsql security definer set search_path = public, pg_temp as $$
 begin
+  perform semap.read_again(semap.write_readings(array[track_id, other_track_id], since), since)
+  from (select * from new_amendment order by since desc, track_amendment_id) a;
   perform pg_notify('semap_amendment', max(track_amendment_id)::text) from new_amendment having count(*) > 0;
   return null;
 end $$;
@@ -90,7 +93,8 @@ end $$;
 create or replace trigger track_amendments_arrived after insert on semap.track_amendment
   referencing new table as new_amendment for each statement execute function semap.track_amendments_arrived();
 
--- What trackers found that they had mistaken, by name. Relations and rules take the tracks as they were told.
+-- What trackers found that they had mistaken, by name. Relations take the tracks as they were told, but for queries
+-- that follow amendments.
 create or replace view semap.track_amended with (security_invoker = true) as
   select a.track_amendment_id, a.map_id, m.name as map, n.name as source, a.kind, a.track_id, k.name as track,
          a.other_track_id, o.name as other_track, a.since, a.found, a.received_at

@@ -76,12 +76,12 @@ end $$;
 create or replace trigger query_renamed after update of name on semap.continuous_query
   for each row when (new.name <> old.name) execute function semap.query_renamed();
 
--- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, and
--- the stamp and the key with which the earliest began. The rights are those of its owner; restricted roles see their
--- own maps.
+-- What rules gave up since their version is in force, because too much was under way in a key: how many attempts, the
+-- stamp and the key with which the earliest began, and how many matches they did not tell. The rights are those of its
+-- owner; restricted roles see their own maps.
 create or replace view semap.rule_given_up with (security_barrier) as
   select r.rule_id, r.map_id, (g.said ->> 'attempts')::bigint as attempts, (g.said ->> 'first')::timestamptz as first,
-         g.said -> 'key' as key
+         g.said -> 'key' as key, coalesce((g.said ->> 'matches')::bigint, 0) as matches
   from semap.progress p
   cross join lateral jsonb_each(p.watermarks -> 'given_up') as g (rule_id, said)
   join semap.rule r on r.rule_id = g.rule_id::integer and r.version = (g.said ->> 'version')::integer

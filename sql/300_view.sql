@@ -1,15 +1,10 @@
--- Which relations hold, and which did: those that regions keep and those that pairs keep, as one.
+-- Which relations hold, and which did.
 
 -- What holds now by every continuous query. The subject is a track (track_id) or an instance (subject_instance_id), the
 -- object an instance (instance_id) or a track (object_track_id).
 create or replace view semap.relation_held with (security_invoker = true) as
-  select n.query_id, n.map_id, n.track_id, null::bigint as subject_instance_id, n.instance_id,
-         null::bigint as object_track_id, n.since
-  from semap.relation n
-  union all
-  select p.query_id, p.map_id, p.track_id, p.subject_instance_id, p.instance_id, p.object_track_id, p.since
-  from semap.pair p
-  where p.confirmed;
+  select query_id, map_id, track_id, subject_instance_id, instance_id, object_track_id, since
+  from semap.relation where confirmed;
 
 -- What holds now by every continuous query, by name; subject and object are the names of whichever kind they are.
 create or replace view semap.relation_now with (security_invoker = true) as

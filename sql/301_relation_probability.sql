@@ -17,9 +17,9 @@ $$;
 -- What holds now by queries that ask for certainty, and how probable each of it is now.
 create or replace view semap.relation_certainty with (security_invoker = true) as
   select m.name as map, r.query_name as query, n.track_id, t.name as track, n.instance_id, r.instance_name as instance,
-         n.since, semap.relation_probability(n.track_id, n.region_id) as probability, n.map_id
+         n.since, semap.relation_probability(n.track_id, r.region_id) as probability, n.map_id
   from semap.relation n
-  join semap.region r using (region_id)
+  join semap.region r on r.query_id = n.query_id and r.instance_id = n.instance_id
   join semap.track t using (track_id)
   join semap.map m on m.map_id = n.map_id
-  where r.enter_stds is not null;
+  where n.confirmed and r.enter_stds is not null;

@@ -24,33 +24,30 @@ $$;
 create or replace function semap.result_source(p_query semap.continuous_query) returns text
 language sql stable parallel safe as $$
   select format(
-    '%s join semap_query.%I t on t.id = n.%I join semap_query.%I o on o.id = n.%I where n.query_id = %s',
-    case when p_query.in_pairs then 'semap.pair n' else 'semap.relation n' end,
+    'semap.relation n join semap_query.%I t on t.id = n.%I join semap_query.%I o on o.id = n.%I'
+    ' where n.query_id = %s and n.confirmed',
     p_query.subject_kind, case p_query.subject_kind when 'track' then 'track_id' else 'subject_instance_id' end,
     p_query.object_kind, case p_query.object_kind when 'track' then 'object_track_id' else 'instance_id' end,
-    p_query.query_id) || case when p_query.in_pairs then ' and n.confirmed' else '' end
+    p_query.query_id)
 $$;
 
--- What holds by a query now, as its view has it, after a place in the order of its ids; each row as JSON (shapes as
--- GeoJSON, in metres of the map) with its place.
+-- What holds by a query now, as its view has it, after a place in the order of its ids (null: from the first); each row
+-- as JSON (shapes as GeoJSON, in metres of the map) with its place.
 create or replace function semap.result_page(p_query_id integer, p_after bigint[], p_limit integer)
 returns table (place bigint[], result jsonb)
 language plpgsql stable parallel safe as $$
 declare
   v_query  semap.continuous_query;
-  v_ids    text := 'n.track_id, n.region_id';
 begin
   select * into v_query from semap.continuous_query q where q.query_id = p_query_id;
   if not found then
     return;
-  elsif v_query.in_pairs then
-    v_ids := 'n.pair_id, 0::bigint';
   end if;
   return query execute format(
-    'select array[%1$s], (select to_jsonb(r) from (select %2$s) r) from %3$s and (%1$s) > ($1[1], $1[2])'
-    ' order by %4$s limit $2',
-    v_ids, semap.result_columns(v_query.payload, v_query.subject_kind, v_query.object_kind),
-    semap.result_source(v_query), replace(v_ids, ', 0::bigint', ''))
+    'select array[n.subject_key, n.object_key], (select to_jsonb(r) from (select %s) r) from %s'
+    ' and ($1 is null or (n.subject_key, n.object_key) > ($1[1], $1[2])) order by n.subject_key, n.object_key limit $2',
+    semap.result_columns(v_query.payload, v_query.subject_kind, v_query.object_kind),
+    semap.result_source(v_query))
     using p_after, p_limit;
 end $$;
 

@@ -136,6 +136,7 @@ language sql stable parallel safe as $$
   select semap.require_pattern(p_pattern);
   select p.reference_id, p.target_id, m.matrix
   from semap.footprint_pairs(p_reference_ids, p_target_ids) p
+  -- computed once (tests/operators/test_operator_plan)
   cross join lateral (select st_relate(p.reference_area, p.target_area) as matrix offset 0) m
   where p_pattern is null or st_relatematch(m.matrix, p_pattern)
   union all
@@ -161,7 +162,7 @@ language sql immutable parallel safe as $$
     when st_relatematch(matrix, '****F*F**') then 'NTPPI'
     else 'PO'
   end
-  from (select st_relate(p_a, p_b) as matrix offset 0) m
+  from (select st_relate(p_a, p_b) as matrix offset 0) m -- computed once (tests/operators/test_operator_plan)
 $$;
 
 -- The RCC-8 relations of pairs of footprints, those asked for, or all; pairs whose boxes are apart are looked at
@@ -172,6 +173,7 @@ create or replace function semap.rcc8_relations(
 language sql stable parallel safe as $$
   select p.reference_id, p.target_id, r.relation
   from semap.footprint_pairs(p_reference_ids, p_target_ids) p
+  -- computed once (tests/operators/test_operator_plan)
   cross join lateral (select semap.rcc8(p.reference_area, p.target_area) as relation offset 0) r
   where p_relations is null or r.relation = any (p_relations)
   union all

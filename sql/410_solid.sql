@@ -105,6 +105,7 @@ language sql immutable strict parallel safe as $$
   select coalesce(sum(  (ax_m - x) * ((by_m - y) * (cz_m - z) - (bz_m - z) * (cy_m - y))
                       + (ay_m - y) * ((bz_m - z) * (cx_m - x) - (bx_m - x) * (cz_m - z))
                       + (az_m - z) * ((bx_m - x) * (cy_m - y) - (by_m - y) * (cx_m - x))) / 6, 0)
+  -- computed once (tests/operators/test_operator_plan)
   from (select st_xmin(p_mesh) as x, st_ymin(p_mesh) as y, st_zmin(p_mesh) as z offset 0) corner,
        semap.mesh_triangles(p_mesh)
 $$;

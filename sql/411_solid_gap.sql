@@ -202,7 +202,7 @@ begin
                 (b.bx_m, b.by_m, b.bz_m, b.cx_m, b.cy_m, b.cz_m),
                        (b.cx_m, b.cy_m, b.cz_m, b.ax_m, b.ay_m, b.az_m)) as e (gx, gy, gz, hx, hy, hz),
        lateral (select tx - fx as dx, ty - fy as dy, tz - fz as dz, hx - gx as ex, hy - gy as ey, hz - gz as ez,
-                       fx - gx as rx, fy - gy as ry, fz - gz as rz offset 0) side,
+                       fx - gx as rx, fy - gy as ry, fz - gz as rz) side,
        lateral (select dx * dx + dy * dy + dz * dz as dd, ex * ex + ey * ey + ez * ez as ee,
                 dx * ex + dy * ey + dz * ez as de,
                        dx * rx + dy * ry + dz * rz as dr, ex * rx + ey * ry + ez * rz as er offset 0) dot,

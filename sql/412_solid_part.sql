@@ -44,7 +44,7 @@ begin
   )
   select triangle_no, st_makeline(st_makepoint(au - eu, av - ev), st_makepoint(bu + eu, bv + ev))
   from line,
-       lateral (select sqrt((bu - au) * (bu - au) + (bv - av) * (bv - av)) as length_m offset 0) measured,
+       lateral (select sqrt((bu - au) * (bu - au) + (bv - av) * (bv - av)) as length_m) measured,
        lateral (select (bu - au) / nullif(length_m, 0) * p_tolerance_m / 2 as eu,
                        (bv - av) / nullif(length_m, 0) * p_tolerance_m / 2 as ev) over_end
   where length_m > 0 and greatest(av, bv) > p_tolerance_m / 8

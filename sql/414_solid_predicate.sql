@@ -191,7 +191,7 @@ returns double precision
 language sql immutable strict parallel safe as $$
   select coalesce((
     select semap.surface_gap_3d(p_surface, geom)
-    from (select box3d(p_surface) as bounds offset 0) whole,
+    from (select box3d(p_surface) as bounds offset 0) whole, -- computed once (decision 0022)
          semap.plain_coordinates(st_makepoint((st_xmin(bounds) + st_xmax(bounds)) / 2,
                                               (st_ymin(bounds) + st_ymax(bounds)) / 2,
                                               (st_zmin(bounds) + st_zmax(bounds)) / 2)) middle,

@@ -103,6 +103,7 @@ begin
            case when st_zmflag(line) = 2 then st_3dlength(line) else st_length(line) end,
            st_startpoint(line), st_endpoint(line)
     from r join t on t.map_id = r.map_id and t.instance_id <> r.instance_id
+    -- computed once (tests/operators/test_operator_plan)
     cross join lateral (select semap.line_between(r.shape, t.shape, p_mode, 'Body' not in (v_reference, v_target))
                         as line offset 0) l
     where r.shape is not null and t.shape is not null;
@@ -147,7 +148,7 @@ declare
   v_in_space   boolean := semap.both_in_space(v_reference, v_target);
   v_backwards  boolean := p_reference_ids is null and p_target_ids is not null;
 begin
-  -- s: the side that the search starts from, o: the other one
+  -- s: the side that the search starts from, o: the other one; d: computed once (tests/operators/test_operator_plan)
   return query execute format(
     'select %1$s, d.distance_m'
     ' from semap.abstraction s join semap.instance si on si.instance_id = s.instance_id'

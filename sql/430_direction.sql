@@ -278,7 +278,7 @@ begin
       select o.instance_id, o.map_id, x.axes,
              box3d(semap.seen_from(semap.corners_of(o.instance_id), x.axes)) as extents
       from semap.operands(v_reference_ids, p_target_ids) o
-      cross join lateral (select semap.direction_axes(o.instance_id, p_frame, p_viewer) as axes offset 0) x
+      cross join lateral (select semap.direction_axes(o.instance_id, p_frame, p_viewer) as axes) x
     ), region as materialized (
       select r.*, semap.region_box(r.extents, v_region, p_reach_m) as box
       from reference r where r.extents is not null
@@ -288,7 +288,7 @@ begin
       from region g
       cross join lateral (
         select distinct b.instance_id
-        from semap.boxed_by(st_expand(box3d(semap.box_in_map(g.box, g.axes)), 1e-6)::public.geometry) b offset 0) t
+        from semap.boxed_by(st_expand(box3d(semap.box_in_map(g.box, g.axes)), 1e-6)::public.geometry) b) t
       join semap.instance ti on ti.instance_id = t.instance_id and ti.map_id = g.map_id
       where t.instance_id <> g.instance_id and (p_target_ids is null or t.instance_id in (select unnest(p_target_ids)))
     )
@@ -298,7 +298,7 @@ begin
              when 'Lef' then st_ymin(c.box) - st_ymax(p.extents) when 'Rig' then st_ymin(p.extents) - st_ymax(c.box)
              when 'Top' then st_zmin(c.box) - st_zmax(p.extents) when 'Bot' then st_zmin(p.extents) - st_zmax(c.box) end
     from pair p
-    cross join lateral (select box3d(semap.seen_from(p.corners, p.axes)) as box offset 0) c
+    cross join lateral (select box3d(semap.seen_from(p.corners, p.axes)) as box) c
     where semap.lies_in_region(p.other_id, p.corners, p.box, p.axes, p_strict);
 end $$;
 

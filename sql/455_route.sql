@@ -44,6 +44,31 @@ language sql stable parallel safe as $$
   select room_id from reached
 $$;
 
+-- The straight ways between the places of a map, each a door and the room that it is passed into, and to these from a
+-- room (0): from which place to which, and how far [m].
+create or replace function semap.passages(p_from bigint, p_door_ids bigint[], p_room_ids bigint[])
+returns table (from_n integer, to_n integer, length_m double precision)
+language sql stable parallel safe set search_path = public, pg_temp as $$
+  with place as materialized (
+    select p.n::integer, p.door_id, p.room_id
+    from unnest(p_door_ids, p_room_ids) with ordinality p (door_id, room_id, n)
+  ), point as materialized (
+    select * from semap.way_points(p_door_ids || p_from)
+  ), passage as (
+    select a.n as from_n, b.n as to_n, pa.x_m - pb.x_m as dx, pa.y_m - pb.y_m as dy, pa.z_m - pb.z_m as dz
+    from place a
+    join semap.door_room out on out.room_id = a.room_id and out.door_id <> a.door_id
+    join place b on b.door_id = out.door_id and b.room_id <> a.room_id
+    join point pa on pa.instance_id = a.door_id join point pb on pb.instance_id = b.door_id
+    union all
+    select 0, b.n, pa.x_m - pb.x_m, pa.y_m - pb.y_m, pa.z_m - pb.z_m
+    from semap.door_room out join place b on b.door_id = out.door_id and b.room_id <> p_from
+    join point pa on pa.instance_id = p_from join point pb on pb.instance_id = b.door_id
+    where out.room_id = p_from
+  )
+  select from_n, to_n, sqrt(dx * dx + dy * dy + coalesce(dz * dz, 0)) from passage
+$$;
+
 -- The shortest way from a room through each door into each room that it leads to: [m] at the door, and the door and
 -- room before. Lengths are relaxed over all passages at once until none gets shorter (Bellman and Ford).
 create or replace function semap.ways_from(p_from bigint, p_closed jsonb default null)
@@ -62,7 +87,6 @@ declare
   v_fresh    boolean[];  -- got shorter in the round before
   v_round    record;
 begin
-  -- a place is a door and the room that it is passed into
   select array_agg(r.door_id order by r.door_id, r.room_id), array_agg(r.room_id order by r.door_id, r.room_id)
   into v_doors, v_rooms
   from semap.instance f
@@ -72,24 +96,8 @@ begin
   if v_doors is null then
     return;
   end if;
-  with place as materialized (
-    select p.n, p.door_id, p.room_id from unnest(v_doors, v_rooms) with ordinality p (door_id, room_id, n)
-  ), point as materialized (
-    select * from semap.way_points(v_doors || p_from)
-  ), passage as (
-    select a.n as from_n, b.n as to_n, pa.x_m - pb.x_m as dx, pa.y_m - pb.y_m as dy, pa.z_m - pb.z_m as dz
-    from place a
-    join semap.door_room out on out.room_id = a.room_id and out.door_id <> a.door_id
-    join place b on b.door_id = out.door_id and b.room_id <> a.room_id
-    join point pa on pa.instance_id = a.door_id join point pb on pb.instance_id = b.door_id
-    union all
-    select 0, b.n, pa.x_m - pb.x_m, pa.y_m - pb.y_m, pa.z_m - pb.z_m
-    from semap.door_room out join place b on b.door_id = out.door_id and b.room_id <> p_from
-    join point pa on pa.instance_id = p_from join point pb on pb.instance_id = b.door_id
-    where out.room_id = p_from
-  )
-  select array_agg(from_n), array_agg(to_n), array_agg(sqrt(dx * dx + dy * dy + coalesce(dz * dz, 0)))
-  into v_from, v_to, v_lengths from passage;
+  select array_agg(p.from_n), array_agg(p.to_n), array_agg(p.length_m) into v_from, v_to, v_lengths
+  from semap.passages(p_from, v_doors, v_rooms) p;
   v_way := array_fill(null::double precision, array[cardinality(v_doors)]);
   v_before := array_fill(null::integer, array[cardinality(v_doors)]);
   loop

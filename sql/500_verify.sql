@@ -127,31 +127,28 @@ language sql stable as $$
   ) d (stored, wanted)
 $$;
 
--- The regions that the present of each track says it is in, against its relations; and kept against relations.
+-- The regions of these by which the relations of a track are its own: not those of its reading (sql/116).
+create or replace function semap.own_regions(p_track_id bigint, p_region_ids integer[]) returns integer[]
+language sql stable as $$
+  select coalesce(array_agg(region_id order by place) filter (where not exists (
+           select from semap.region r where r.region_id = i.region_id and semap.reads_amended(r.query_id, p_track_id))),
+         '{}')
+  from unnest(p_region_ids) with ordinality i (region_id, place)
+$$;
+
+-- The regions that the present of each track says it is in, against its relations.
 create or replace function semap.held_differences(p_map_id integer)
 returns table (track_id bigint, thing text, stored text, wanted text)
 language sql stable as $$
-  with held as materialized (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}')
-      as plain_ids,
-           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
-    from semap.relation n join semap.region r using (region_id)
-    where n.map_id = p_map_id group by n.track_id
-  )
   select t.track_id, format('track %s, regions of its present', k.name),
          array_to_string(t.region_ids || t.stateful_ids, ' '), array_to_string(h.plain_ids || h.stateful_ids, ' ')
-  from semap.track_now t join semap.track k using (track_id) left join held h on h.track_id = t.track_id
-  where t.map_id = p_map_id
-    and (t.region_ids, t.stateful_ids) is distinct from (coalesce(h.plain_ids, '{}'), coalesce(h.stateful_ids, '{}'))
-  union all
-  select v.track_id, format('track %s, debounce_state of %s (%s)', k.name, r.instance_name, r.query_name),
-         case when v.confirmed then 'held' else 'not held' end,
-         case when v.confirmed then 'no relation' else 'a relation' end
-  from semap.debounce_state v
+  from semap.track_now t
   join semap.track k using (track_id)
-  join semap.region r using (region_id)
-  left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
-  where v.map_id = p_map_id and v.confirmed <> (n.track_id is not null)
+  join semap.regions_held(array(select track_id from semap.track_now where map_id = p_map_id)) h using (track_id)
+  where t.map_id = p_map_id and (t.region_ids, t.stateful_ids) is distinct from (h.plain_ids, h.stateful_ids)
+    and (semap.own_regions(t.track_id, t.region_ids), semap.own_regions(t.track_id, t.stateful_ids))
+        is distinct from
+        (semap.own_regions(t.track_id, h.plain_ids), semap.own_regions(t.track_id, h.stateful_ids))
 $$;
 
 -- Which stateless regions hold each live track of a map, by its place and their footprints alone.
@@ -161,15 +158,16 @@ language plpgsql as $$
 begin
   drop table if exists pg_temp.semap_footprint;
   create temporary table semap_footprint on commit drop as
-    select r.region_id, r.footprint, r.z_min_m, r.z_max_m from semap.region r
+    select r.region_id, r.query_id, r.footprint, r.z_min_m, r.z_max_m from semap.region r
     where r.map_id = p_map_id and not r.stateful;
   create index on pg_temp.semap_footprint using gist (footprint);
   analyze pg_temp.semap_footprint;
   return query
-    select p.track_id, r.region_id
+    select s.track_id, r.region_id
     from semap.present_places(p_map_id) p
     join pg_temp.semap_footprint r on st_contains(r.footprint, st_point(p.x_m, p.y_m))
-    where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m);
+    cross join lateral semap.subject_now(r.query_id, p.track_id) s (track_id)
+    where p.live and (p.z_m is null or p.z_m >= r.z_min_m and p.z_m < r.z_max_m) and s.track_id is not null;
 end $$;
 
 -- Relations with stateless regions against where the tracks are; and relations with nothing.
@@ -179,18 +177,18 @@ language sql as $$
   with wanted as materialized (
     select * from semap.plain_relations(p_map_id)
   ), stored as materialized (
-    select n.track_id, n.region_id, n.query_id, n.instance_id, n.since
-    from semap.relation n left join semap.region r using (region_id)
-    where n.map_id = p_map_id and r.stateful is not true
+    select n.track_id, r.region_id, n.confirmed, n.since
+    from semap.relation n left join semap.region r using (query_id, instance_id)
+    where n.map_id = p_map_id and not n.in_pairs and r.stateful is not true
   )
   select coalesce(s.track_id, w.track_id), coalesce(s.region_id, w.region_id),
          format('track %s, %s (%s)', k.name, coalesce(r.instance_name, 'a region that is gone'), r.query_name),
-         case when s.track_id is null then 'no relation' else 'a relation since ' || s.since end,
+         case when s.track_id is null then 'no relation' when s.confirmed then 'a relation since ' || s.since
+              else 'a relation that waits' end,
          case when w.track_id is null then 'no relation' else 'a relation' end
   from stored s
   full join wanted w on w.track_id = s.track_id and w.region_id = s.region_id
   left join semap.region r on r.region_id = coalesce(s.region_id, w.region_id)
   left join semap.track k on k.track_id = coalesce(s.track_id, w.track_id)
-  where s.track_id is null or w.track_id is null
-    or (s.query_id, s.instance_id) is distinct from (r.query_id, r.instance_id)
+  where s.track_id is null or w.track_id is null or not s.confirmed
 $$;

@@ -8,14 +8,6 @@ language sql stable as $$
     and not exists (select from semap.relation_change x where x.retracts = c.uid)
 $$;
 
--- In which order changes of two things stand that are of one moment: what ends that held before, then in turns what
--- begins and what ends again. p_turn: the how many-th of its kind it is.
-create or replace function semap.place_in_moment(p_change semap.relation_change, p_turn bigint) returns bigint
-language sql immutable parallel safe as $$
-  select case when (p_change).kind = 'began' then 2 * p_turn - 1
-              when (p_change).since < (p_change).transition_at then 0 else 2 * p_turn end
-$$;
-
 -- The changes that stand, each with the one before it of the same two things, in the order in which they happened. What
 -- was amended has its place by its moment, all else by when it was written.
 create or replace function semap.folded_changes(p_map_id integer) returns table (
@@ -39,16 +31,14 @@ language sql stable as $$
                                (c).change_id)
 $$;
 
--- What holds now by what is stored: relations with regions, and pairs.
+-- What holds now by what is stored.
 create or replace function semap.held_relations(p_map_id integer) returns table (
   query_id integer, track_id bigint, subject_instance_id bigint, instance_id bigint, object_track_id bigint,
   since timestamptz
 )
 language sql stable as $$
-  select query_id, track_id, null, instance_id, null, since from semap.relation where map_id = p_map_id
-  union all
   select query_id, track_id, subject_instance_id, instance_id, object_track_id, since
-  from semap.pair where map_id = p_map_id and confirmed
+  from semap.relation where map_id = p_map_id and confirmed
 $$;
 
 -- Two things of a query by name, as the log tells of them.

@@ -69,7 +69,7 @@ $$;
 -- two lie margins. What approaches depends on the way: of that is known only whether the two are within reach
 -- (is_near).
 create or replace function semap.standing_pairs(p_map_id integer) returns table (
-  query_id integer, subject_key bigint, object_key bigint, follows_from text, pair semap.pair, have_members boolean,
+  query_id integer, subject_key bigint, object_key bigint, follows_from text, pair semap.relation, have_members boolean,
   subject_name text, object_name text, query_name text, enters boolean, leaves boolean, is_near boolean,
   begins_by_now boolean, ends_by_now boolean
 )
@@ -93,7 +93,8 @@ language sql stable as $$
     select r.query_id, r.subject_key, r.object_key from ranked r
     where place <= count and (within_m is null or distance_m <= within_m)
   ), stored as materialized (
-    select p.query_id, p.subject_key, p.object_key, p from semap.pair p where p.map_id = p_map_id
+    select p.query_id, p.subject_key, p.object_key, p from semap.relation p
+    where p.map_id = p_map_id and p.in_pairs
   ), looked_at as (
     select n.query_id, n.subject_key, n.object_key from nearest n
     union
@@ -136,7 +137,7 @@ language sql stable as $$
                 else '' end || coalesce(s.subject_name, 'something'),
                 case when s.object_key > 0 then 'track ' else '' end || coalesce(s.object_name, 'something'),
                 coalesce(s.query_name, 'a query that is gone')),
-         case when (s.pair).pair_id is null then 'no pair' when s.follows_from = 'way' and not (s.pair).confirmed
+         case when (s.pair).query_id is null then 'no pair' when s.follows_from = 'way' and not (s.pair).confirmed
            then 'a side of a line'
               when (s.pair).confirmed and (s.pair).pending then 'holds since ' || (s.pair).since
               when (s.pair).confirmed then 'about to end' when (s.pair).pending
@@ -152,7 +153,7 @@ language sql stable as $$
       when (s.pair).pending and not (s.pair).confirmed and s.begins_by_now then 'holds by now'
       when (s.pair).confirmed and not (s.pair).pending and s.ends_by_now then 'ended by now'
       when s.is_near and (s.pair).distance_at is null then 'followed, with the distance between the two'
-      when (s.pair).pair_id is not null and not (s.pair).confirmed and not (s.pair).pending
+      when (s.pair).query_id is not null and not (s.pair).confirmed and not (s.pair).pending
         and not s.is_near then 'no pair'
     end as wanted) d
   where d.wanted is not null

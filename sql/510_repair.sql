@@ -43,13 +43,9 @@ begin
   return coalesce(v_changed, '{}');
 end $$;
 
--- Make relations of a map what its log says that they are, since that is what clients and rules believe; a stay in a
--- region that is gone ends. Says which pairs were written.
-create or replace function semap.relate_as_logged(p_map_id integer)
-returns table (track_id bigint, region_id integer)
-language plpgsql as $$
-begin
-  -- one of two changes in a row that say the same is taken back
+-- Take back one of two changes in a row of a map that say the same.
+create or replace function semap.take_back_repeated(p_map_id integer) returns void
+language sql as $$
   insert into semap.relation_change (uid, map_id, query_id, query_name, track_id, track_name, instance_id,
                                      instance_name,
                                      subject_instance_id, subject_instance_name, object_track_id, object_track_name,
@@ -61,8 +57,12 @@ begin
   from semap.log_differences(p_map_id) d
   join semap.relation_change c using (change_id)
   join semap.folded_changes(p_map_id) f on (f.change).change_id = c.change_id
-  where f.before_kind = c.kind or f.before_kind is null and c.kind = 'ended';
+  where f.before_kind = c.kind or f.before_kind is null and c.kind = 'ended'
+$$;
 
+-- End in the log of a map what holds by it in regions that are gone, each at the last stamp of its track.
+create or replace function semap.end_in_gone_regions(p_map_id integer) returns void
+language sql as $$
   with open as (
     select (f.change).* from semap.folded_changes(p_map_id) f
     where f.is_newest and (f.change).kind = 'began' and (f.change).track_id is not null
@@ -79,32 +79,72 @@ begin
                                      kind, cause, stamp, transition_at, since)
   select gen_random_uuid(), map_id, query_id, query_name, a.track_id, track_name, instance_id, instance_name,
          'ended', 'map', at, at, transition_at
-  from adrift a join moment using (change_id);
+  from adrift a join moment using (change_id)
+$$;
 
+-- Make relations of a map what its log says that they are, since that is what clients and rules believe; a stay in a
+-- region that is gone ends. Says which pairs were written.
+create or replace function semap.relate_as_logged(p_map_id integer)
+returns table (track_id bigint, region_id integer)
+language plpgsql as $$
+begin
+  perform semap.take_back_repeated(p_map_id);
+  perform semap.end_in_gone_regions(p_map_id);
   return query
   with open as (
-    select (f.change).track_id, r.region_id, r.query_id, r.instance_id, r.map_id, (f.change).transition_at as since
+    select r.query_id, r.map_id, (f.change).track_id, r.instance_id, (f.change).transition_at as since
     from semap.folded_changes(p_map_id) f
     join semap.region r on r.query_id = (f.change).query_id and r.instance_id = (f.change).instance_id
     where f.is_newest and (f.change).kind = 'began' and (f.change).track_id is not null
   ), unsaid as (
     delete from semap.relation n
-    where n.map_id = p_map_id
-      and not exists (select from open o where o.track_id = n.track_id and o.region_id = n.region_id)
+    where n.map_id = p_map_id and not n.in_pairs
+      and not exists (select from open o
+                      where o.query_id = n.query_id and o.track_id = n.track_id and o.instance_id = n.instance_id)
       and (n.since >= coalesce((select gone_before from semap.retention where kind = 'changes'), '-infinity')
-           or not exists (select from semap.region r where r.region_id = n.region_id))
-    returning n.track_id, n.region_id
+           or not exists (select from semap.region r where r.query_id = n.query_id and r.instance_id = n.instance_id
+                          and (n.confirmed or r.stateful)))
+    returning n.query_id, n.track_id, n.instance_id
   ), said as (
-    insert into semap.relation as n (track_id, region_id, query_id, instance_id, map_id, since)
-    select * from open
-    on conflict on constraint relation_pkey do update
-    set query_id = excluded.query_id, instance_id = excluded.instance_id, since = excluded.since
-    where (n.query_id, n.instance_id, n.since) is distinct from (excluded.query_id, excluded.instance_id,
-                                                                 excluded.since)
-    returning n.track_id, n.region_id
+    insert into semap.relation as n (query_id, map_id, track_id, instance_id, confirmed, since, pending, raw)
+    select o.query_id, o.map_id, o.track_id, o.instance_id, true, o.since, true, true from open o
+    on conflict on constraint relation_pkey do update set confirmed = true, since = excluded.since
+    where n.since is distinct from excluded.since
+    returning n.query_id, n.track_id, n.instance_id
   )
-  select * from unsaid union select * from said;
+  select w.track_id, r.region_id
+  from (select * from unsaid union select * from said) w
+  join semap.region r on r.query_id = w.query_id and r.instance_id = w.instance_id;
 end $$;
+
+-- Who should be related to what on a map by now: of these relations (tracks and regions), which begin anew, each is
+-- looked at; other stateful ones stay as they are.
+create or replace function semap.wanted_relations(p_map_id integer, p_anew semap.crossing[])
+returns table (track_id bigint, region_id integer)
+language sql stable as $$
+  with truth as (
+    select track_id, region_id from semap.plain_relations(p_map_id)
+    union all
+    select h.track_id, r.region_id
+    from semap.relation h join semap.region r using (query_id, instance_id) join semap.track_now t using (track_id)
+    where h.map_id = p_map_id and h.confirmed and r.stateful
+      -- how a reading stands to a region its own replay says
+      and (semap.reads_amended(r.query_id, h.track_id)
+           or t.live and not exists (select from unnest(p_anew) p
+                                     where p.track_id = h.track_id and p.region_id = r.region_id))
+    union all
+    select t.track_id, r.region_id
+    from unnest(p_anew) p
+    join semap.track_now t on t.track_id = p.track_id and t.live
+    join semap.region r on r.region_id = p.region_id and r.stateful
+    where not semap.reads_amended(r.query_id, t.track_id)
+      and (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
+      and (r.subject is null or exists (select from semap.query_track s
+                                        where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
+  )
+  select t.track_id, t.region_id from truth t join semap.region r using (region_id)
+  join semap.region_wanted w using (query_id, instance_id)
+$$;
 
 -- Make all that is kept of the relations of a map what it follows from. Relations with stateful regions that are named
 -- (tracks and regions, in pairs) begin anew, as after an edit. Says how many relations began or ended by it.
@@ -131,36 +171,17 @@ begin
     select track_id, region_id from unnest(p_track_ids, p_region_ids) p (track_id, region_id)
     union select track_id, region_id from unnest(v_told)
     union select n.track_id, r.region_id from semap.region r join semap.track_now n using (map_id)
-    where r.region_id = any (v_changed)
-    union select v.track_id, v.region_id
-    from semap.debounce_state v left join semap.relation n on n.track_id = v.track_id and n.region_id = v.region_id
-    where v.map_id = p_map_id and v.confirmed <> (n.track_id is not null)) p;
-  delete from semap.debounce_state v using unnest(v_anew) p where v.track_id = p.track_id and v.region_id = p.region_id;
+    where r.region_id = any (v_changed)) p;
+  perform semap.settle_relations(array_agg(n))
+  from unnest(v_anew) p join semap.region r using (region_id)
+  join semap.relation n on n.query_id = r.query_id and n.track_id = p.track_id and n.instance_id = r.instance_id;
 
-  with held as (
-    select track_id, region_id from semap.relation where map_id = p_map_id
-  ), truth as (
-    select track_id, region_id from semap.plain_relations(p_map_id)
-    union all
-    select h.track_id, h.region_id
-    from held h join semap.region r using (region_id) join semap.track_now t using (track_id)
-    where r.stateful and t.live
-      and not exists (select from unnest(v_anew) p where p.track_id = h.track_id and p.region_id = h.region_id)
-    union all
-    select t.track_id, r.region_id
-    from unnest(v_anew) p
-    join semap.track_now t on t.track_id = p.track_id and t.live
-    join semap.region r on r.region_id = p.region_id and r.stateful
-    where (select raw from semap.stands(r, t.x_m, t.y_m, t.z_m, t.std_m))
-      and (r.subject is null or exists (select from semap.query_track s
-                                        where s.query_id = r.query_id and s.track_id = t.track_id and not s.is_object))
-  ), wanted as (
-    select t.track_id, t.region_id from truth t join semap.region r using (region_id)
-    join semap.region_wanted w using (query_id, instance_id)
-  ), crossed as (
+  with crossed as (
     select coalesce(w.track_id, h.track_id) as track_id, coalesce(w.region_id, h.region_id) as region_id,
            case when h.track_id is null then 'began' else 'ended' end::semap.change_kind as kind
-    from wanted w full join held h using (track_id, region_id)
+    from semap.wanted_relations(p_map_id, v_anew) w
+    full join (select n.track_id, r.region_id from semap.relation n join semap.region r using (query_id, instance_id)
+               where n.map_id = p_map_id and n.confirmed) h using (track_id, region_id)
     where w.track_id is null or h.track_id is null
   )
   select array_agg(row(c.track_id, c.region_id, c.kind, 'map', t.stamp, t.stamp, null, null)::semap.crossing)
@@ -173,15 +194,9 @@ begin
 
   -- whatever is kept of a track is looked up at its next state
   update semap.track_now t
-  set region_ids = coalesce(h.plain_ids, '{}'), stateful_ids = coalesce(h.stateful_ids, '{}'), safe_x_min_m = 'infinity'
-  from semap.track_now o
-  left join (
-    select n.track_id, coalesce(array_agg(n.region_id order by n.region_id) filter (where not r.stateful), '{}')
-      as plain_ids,
-           coalesce(array_agg(n.region_id order by n.region_id) filter (where r.stateful), '{}') as stateful_ids
-    from semap.relation n join semap.region r using (region_id) where n.map_id = p_map_id group by n.track_id) h
-      using (track_id)
-  where o.map_id = p_map_id and t.track_id = o.track_id;
+  set region_ids = h.plain_ids, stateful_ids = h.stateful_ids, safe_x_min_m = 'infinity'
+  from semap.regions_held(array(select track_id from semap.track_now where map_id = p_map_id)) h
+  where t.track_id = h.track_id;
   v_pairs := semap.repair_pairs(p_map_id);
   perform semap.repair_past(p_map_id);
   return coalesce(cardinality(v_crossings), 0) + v_pairs;

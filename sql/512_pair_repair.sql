@@ -1,11 +1,9 @@
 -- Pairs that differ from what they follow from (sql/505, 507) are made anew, as part of the repair of a map (sql/510).
 
--- Make pairs of a map what its log says that they are, since that is what clients and rules believe; what holds with
--- something that takes no part ends. Says which were written.
-create or replace function semap.pair_as_logged(p_map_id integer)
-returns table (query_id integer, subject_key bigint, object_key bigint)
+-- Keep for a repair who takes part in which query of a map (semap_side), and which of its pairs hold by its log, with
+-- whether both sides still take part (semap_open).
+create or replace function semap.keep_open_pairs(p_map_id integer) returns void
 language plpgsql as $$
-#variable_conflict use_column
 begin
   drop table if exists pg_temp.semap_side;
   create temporary table semap_side on commit drop as
@@ -28,7 +26,16 @@ begin
            or exists (select from semap.continuous_query q where q.query_id = c.query_id and q.in_pairs));
   create index on pg_temp.semap_open (subject_key);
   analyze pg_temp.semap_side, pg_temp.semap_open;
+end $$;
 
+-- Make pairs of a map what its log says that they are, since that is what clients and rules believe; what holds with
+-- something that takes no part ends. Says which were written.
+create or replace function semap.pair_as_logged(p_map_id integer)
+returns table (query_id integer, subject_key bigint, object_key bigint)
+language plpgsql as $$
+#variable_conflict use_column
+begin
+  perform semap.keep_open_pairs(p_map_id);
   insert into semap.relation_change (
     uid, map_id, query_id, query_name, track_id, track_name, subject_instance_id, subject_instance_name,
     instance_id, instance_name, object_track_id, object_track_name, kind, cause, stamp, transition_at, since)
@@ -44,8 +51,8 @@ begin
 
   return query
   with unsaid as (
-    delete from semap.pair p
-    where p.map_id = p_map_id and p.confirmed
+    delete from semap.relation p
+    where p.map_id = p_map_id and p.in_pairs and p.confirmed
       and not exists (select from pg_temp.semap_open o
                       where o.is_there and o.query_id = p.query_id and o.subject_key = p.subject_key
                         and o.object_key = p.object_key)
@@ -53,14 +60,15 @@ begin
            or exists (select from semap.query_predicate q where q.query_id = p.query_id and q.follows_from = 'way'))
     returning p.query_id, p.subject_key, p.object_key
   ), said as (
-    insert into semap.pair as p (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,
-                                 confirmed, since, pending, pending_at)
-    select map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, true, transition_at, true,
-           transition_at
+    insert into semap.relation as p (query_id, map_id, in_pairs, track_id, subject_instance_id, instance_id,
+                                     object_track_id, confirmed, since, pending, pending_at, raw, raw_at)
+    select query_id, map_id, true, track_id, subject_instance_id, instance_id, object_track_id, true, transition_at,
+           true, transition_at, true, transition_at
     from pg_temp.semap_open where is_there
     on conflict (query_id, subject_key, object_key) do update
     set confirmed = true, since = excluded.since, pending = p.pending or not p.confirmed,
-        pending_at = case when p.confirmed then p.pending_at else excluded.pending_at end
+        pending_at = case when p.confirmed then p.pending_at else excluded.pending_at end,
+        raw = p.raw or not p.confirmed, raw_at = case when p.confirmed then p.raw_at else excluded.raw_at end
     where p.since is distinct from excluded.since
     returning p.query_id, p.subject_key, p.object_key
   )
@@ -80,8 +88,8 @@ declare
   v_step     record;
 begin
   perform semap.pair_as_logged(p_map_id);
-  delete from semap.pair p
-  where p.map_id = p_map_id and not (
+  delete from semap.relation p
+  where p.map_id = p_map_id and p.in_pairs and not (
     exists (select from pg_temp.semap_side s where s.key = p.subject_key and s.query_id = p.query_id
             and not s.is_object)
     and exists (select from pg_temp.semap_side s where s.key = p.object_key and s.query_id = p.query_id

@@ -45,6 +45,8 @@ to semap_ingest;
 grant update (watermark, lateness, ended) on semap.source to semap_ingest;
 grant update (states_done, finished_at) on semap.recording to semap_ingest;
 grant update (ended_at) on semap.track to semap_ingest;
+grant insert, update, delete on semap.bridge, semap.bridge_position to semap_ingest;
+grant insert on semap.camera_report to semap_ingest;
 grant execute on function semap.ensure_partitions, semap.add_states, semap.correct_some, semap.hand_over_tracks
 to semap_ingest;
 

@@ -11,7 +11,7 @@ from world import World
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 
 # The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
 settings.register_profile("steady", derandomize=True, deadline=None)

@@ -60,9 +60,9 @@ def insert(world: World, table: str, values: Mapping[str, object]) -> None:
 
 def hold(world: World, query_id: int, subject: Thing, object_: Thing, since_s: float) -> None:
     """It holds from then on."""
-    insert(world, "pair", {
-        "map_id": world.map_id, "query_id": query_id, **sides(subject, object_, named=False), "confirmed": True,
-        "since": at(since_s), "pending": True,
+    insert(world, "relation", {
+        "in_pairs": True, "map_id": world.map_id, "query_id": query_id, **sides(subject, object_, named=False), "confirmed": True,
+        "since": at(since_s), "pending": True, "raw": True,
     })  # fmt: skip
 
 

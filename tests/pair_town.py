@@ -9,9 +9,9 @@ from uuid import NAMESPACE_URL, UUID, uuid4, uuid5
 import pytest
 import shapely
 from pair_oracle import Change, PairOracle, Question, Thing
-from semap_service.operations.doctor.verification import Verified, verify
 from world import World
 
+from semap.store.operate.doctor.verification import Verified, verify
 from semap.timeline.stamp import to_datetime
 
 ANY_HEIGHT = (float("-inf"), float("inf"))

@@ -89,6 +89,29 @@ create index late_state_source on semap.late_state (source_id, of_pairs, stamp);
 comment on table semap.late_state is
   'States that came late, and whose corrections of the past are to be written: of regions, or of pairs.';
 
+-- Of tracks that amendments are about alone. What has no foreign key is deleted with its tracks by a trigger.
+create table semap.track_reading (
+  state_track_id  bigint not null,
+  from_stamp      timestamptz not null,
+  to_stamp        timestamptz not null,
+  track_id        bigint not null,
+  map_id          integer not null,
+  primary key (state_track_id, from_stamp),
+  check (from_stamp < to_stamp)
+);
+create index track_reading_track on semap.track_reading (track_id);
+comment on table semap.track_reading is
+  'Whose the states of amended tracks are, from a stamp on and before another, as amendments tell.';
+
+create table semap.reading_due (
+  source_id   integer not null,
+  track_id    bigint not null,
+  from_stamp  timestamptz not null
+);
+create index reading_due_source on semap.reading_due (source_id);
+comment on table semap.reading_due is
+  'Tracks that are to be read again from a stamp on, for queries that follow amendments.';
+
 create table semap.track_amendment (
   track_amendment_id  bigint generated always as identity primary key,
   map_id              integer not null,

@@ -161,3 +161,21 @@ create table semap.object_state (
 create index object_state_instance on semap.object_state (instance_id, property, stamp);
 create index object_state_map on semap.object_state (map_id, property, stamp);
 create index object_state_map_stamp on semap.object_state (map_id, stamp);
+
+create table semap.camera_report (
+  map_id       integer not null references semap.map on delete cascade,
+  source       text not null,
+  camera       text not null check (camera <> ''),
+  object       text not null check (object <> ''),
+  stamp        timestamptz not null,
+  document     jsonb not null,
+  digest       uuid not null generated always as (md5(document::text)::uuid) stored,
+  received_at  timestamptz not null default clock_timestamp(),
+  constraint stamp_is_usual check (stamp between '1800-01-01Z' and '9999-01-01Z'),
+  primary key (map_id, camera, object, stamp, source, digest)
+);
+create index camera_report_stamp on semap.camera_report (stamp);
+comment on table semap.camera_report is
+  'What programs that watch cameras say of things in a picture, with their boxes in pixels, as it came.';
+comment on column semap.camera_report.object is 'Id of what was seen, by its program.';
+comment on column semap.camera_report.digest is 'So that what is told twice is there once.';

@@ -60,6 +60,7 @@ create table semap.continuous_query (
   longest_gap         interval check (longest_gap > '0' and longest_gap <= '1 day'),
   fastest_mps         double precision check (fastest_mps > 0),
   payload             jsonb not null default '{}',
+  follows_amendments  boolean not null default false,
   sql                 text,
   -- what the regions cannot answer, which ask only where a track is: said by a trigger (sql/115)
   in_pairs            boolean not null default false,
@@ -163,33 +164,46 @@ create table semap.region_edge (
 create index region_edge_cell on semap.region_edge (map_id, cell_x, cell_y);
 create index region_edge_region on semap.region_edge (region_id);
 
+-- What a subject and an object are to each other by a query (sql/112): while it holds, and while there is something to
+-- remember of it. A key is the id of a track, or that of an instance below zero. Those of queries about regions are
+-- found by the regions (sql/100, 132), those of the others in pairs (sql/126).
 create table semap.relation (
-  track_id     bigint not null,
-  region_id    integer not null,
-  query_id     integer not null,
-  instance_id  bigint not null,
-  map_id       integer not null,
-  since        timestamptz not null,
-  primary key (track_id, region_id)
+  query_id             integer not null,
+  map_id               integer not null,
+  in_pairs             boolean not null default false,
+  track_id             bigint,
+  subject_instance_id  bigint,
+  instance_id          bigint,
+  object_track_id      bigint,
+  subject_key          bigint not null generated always as (coalesce(track_id, -subject_instance_id)) stored,
+  object_key           bigint not null generated always as (coalesce(object_track_id, -instance_id)) stored,
+  confirmed            boolean not null,
+  since                timestamptz,
+  pending              boolean not null,
+  pending_at           timestamptz,
+  raw                  boolean not null,
+  raw_at               timestamptz,
+  x_m                  double precision,
+  y_m                  double precision,
+  distance_m           double precision,
+  distance_at          timestamptz,
+  primary key (query_id, subject_key, object_key),
+  constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
+  constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
+  constraint what_holds_has_begun check (confirmed = (since is not null))
 );
-create index relation_region on semap.relation (region_id);
-create index relation_instance on semap.relation (instance_id);
+create index relation_track on semap.relation (track_id) where track_id is not null;
+create index relation_subject_instance on semap.relation (subject_instance_id) where subject_instance_id is not null;
+create index relation_instance on semap.relation (instance_id, query_id) where instance_id is not null;
+create index relation_object_track on semap.relation (object_track_id) where object_track_id is not null;
 
--- Where a track near a region's boundary stands: to that, as debounced, and in the relation.
-create table semap.debounce_state (
-  track_id   bigint not null references semap.track on delete cascade,
-  region_id  integer not null references semap.region on delete cascade,
-  map_id     integer not null,
-  confirmed  boolean not null,
-  pending    boolean not null,
-  pending_at  timestamptz,
-  raw        boolean not null,
-  raw_at    timestamptz,
-  x_m        double precision,
-  y_m        double precision,
-  primary key (track_id, region_id)
+-- The same as a value.
+create type semap.relation_state as (
+  query_id integer, subject_key bigint, object_key bigint,
+  confirmed boolean, since timestamptz, pending boolean, pending_at timestamptz,
+  raw boolean, raw_at timestamptz, x_m double precision, y_m double precision,
+  distance_m double precision, distance_at timestamptz
 );
-create index debounce_state_region on semap.debounce_state (region_id);
 
 create type semap.change_kind as enum ('began', 'ended', 'crossed');
 create type semap.change_cause as enum ('moved', 'appeared', 'disappeared', 'map');
@@ -252,6 +266,7 @@ create table semap.relation_past (
   constraint began_before check (since <= until)
 );
 create index relation_past_stay on semap.relation_past using gist (tstzrange(since, until, '[]'));
+create index relation_past_instance on semap.relation_past (instance_id, until) where instance_id is not null;
 create index relation_past_track on semap.relation_past (track_id);
 create index relation_past_object_track on semap.relation_past (object_track_id) where object_track_id is not null;
 
@@ -271,4 +286,10 @@ create type semap.replayed as (region_id integer, from_stamp timestamptz, to_sta
 create type semap.amended as (
   region_id integer, kind semap.change_kind, cause semap.change_cause,
   stamp timestamptz, transition_at timestamptz, since timestamptz, x_m double precision, y_m double precision
+);
+-- Such a span in which the log can be corrected: what was found there, since when the region holds at its end by that
+-- (now_since; null: it does not), and since when and until when it held there by the log.
+create type semap.sound_span as (
+  region_id integer, query_id integer, instance_id bigint, from_stamp timestamptz, to_stamp timestamptz,
+  is_present boolean, now_since timestamptz, after_since timestamptz, after_until timestamptz, changes semap.amended[]
 );

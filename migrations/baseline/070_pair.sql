@@ -1,30 +1,5 @@
 -- Pairs: relations of which either side may move.
 
--- Two things that a query follows: held is the relation, inside what it follows once that has lasted.
-create table semap.pair (
-  pair_id              bigint generated always as identity primary key,
-  map_id               integer not null,
-  query_id             integer not null,
-  track_id             bigint,
-  subject_instance_id  bigint,
-  instance_id          bigint,
-  object_track_id      bigint,
-  confirmed            boolean not null,
-  since                timestamptz,
-  pending              boolean not null,
-  pending_at            timestamptz,
-  distance_m           double precision,
-  distance_at          timestamptz,
-  subject_key          bigint not null generated always as (coalesce(track_id, -subject_instance_id)) stored,
-  object_key           bigint not null generated always as (coalesce(object_track_id, -instance_id)) stored,
-  unique (query_id, subject_key, object_key),
-  constraint subject_is_one_thing check (num_nonnulls(track_id, subject_instance_id) = 1),
-  constraint object_is_one_thing check (num_nonnulls(instance_id, object_track_id) = 1),
-  constraint what_holds_has_begun check (confirmed = (since is not null))
-);
-create index pair_subject on semap.pair (subject_key);
-create index pair_object on semap.pair (object_key);
-
 -- Which instances a query is about, on which side, and what it compares of each.
 create table semap.pair_instance (
   instance_id      bigint not null,
@@ -75,15 +50,6 @@ comment on table semap.pair_progress is
 comment on column semap.pair_progress.revision is
   'How often what was known of pairs up to then changed: a correction is of that which it was made from.';
 
--- What a relation is (sql/112), of a query, a subject and an object: tracks by their ids, instances by theirs below
--- zero.
-create type semap.relation_state as (
-  query_id integer, subject_key bigint, object_key bigint,
-  confirmed boolean, since timestamptz, pending boolean, pending_at timestamptz,
-  raw boolean, raw_at timestamptz, x_m double precision, y_m double precision,
-  distance_m double precision, distance_at timestamptz
-);
-
 -- What a predicate compares: a track, whose number is above zero, or an instance, whose is below.
 create type semap.compared as (
   key bigint, place public.geometry, shape public.geometry, z_min_m double precision, z_max_m double precision,
@@ -105,4 +71,13 @@ create type semap.pair_change as (
   query_id integer, subject_key bigint, object_key bigint, kind text, cause semap.change_cause,
   stamp timestamptz, transition_at timestamptz, since timestamptz,
   x_m double precision, y_m double precision, direction text
+);
+
+-- A change of a pair that stands in the log, by its uid.
+create type semap.told_change as (uid uuid, said semap.pair_change);
+-- A pair by a replay and by the log: since when it holds before late states and after them, as found and as told (null:
+-- it does not).
+create type semap.compared_pair as (
+  query_id integer, subject_key bigint, object_key bigint, told semap.told_change[],
+  found_before timestamptz, told_before timestamptz, found_since timestamptz, told_since timestamptz
 );

@@ -99,3 +99,37 @@ create table semap.webhook_dead_letter (
 create index webhook_dead_letter_resend on semap.webhook_dead_letter (webhook_id, webhook_dead_letter_id)
   where resend_requested_at is not null;
 comment on table semap.webhook_dead_letter is 'Events that a webhook did not take, as they were sent.';
+
+create table semap.bridge (
+  map_id      integer not null references semap.map on delete cascade,
+  name        text not null check (name <> ''),
+  kind        text not null,
+  state       text not null check (state in ('connected', 'waiting', 'ended')),
+  trouble     text not null default '',
+  lag_s       double precision,
+  received    bigint not null default 0,
+  committed   bigint not null default 0,
+  delivered   bigint not null default 0,
+  dropped     bigint not null default 0,
+  refused     bigint not null default 0,
+  reconnects  bigint not null default 0,
+  refusals    jsonb not null default '{}' check (jsonb_typeof(refusals) = 'object'),
+  started_at  timestamptz not null default clock_timestamp(),
+  told_at     timestamptz not null default clock_timestamp(),
+  primary key (map_id, name)
+);
+comment on table semap.bridge is 'What each bridge has said of itself last; counts are since it was started.';
+comment on column semap.bridge.lag_s is
+  'How long the oldest that came in has waited to be passed on, or what was passed on last had; null: nothing yet.';
+comment on column semap.bridge.refusals is 'How many records were refused, by the reason.';
+
+create table semap.bridge_position (
+  map_id    integer not null references semap.map on delete cascade,
+  name      text not null check (name <> ''),
+  way       text not null check (way in ('in', 'out', 'changes', 'client')),
+  position  jsonb,
+  moved_at  timestamptz not null default clock_timestamp(),
+  primary key (map_id, name, way)
+);
+comment on table semap.bridge_position is
+  'How far a bridge has come in what it reads, or writes, or a client of the service in what it sends.';

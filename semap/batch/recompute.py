@@ -24,7 +24,14 @@ from semap.batch.crossing import Path, visits
 from semap.batch.judging import Logged, Outcome, judge
 from semap.batch.relation_rows import relation_rows
 from semap.batch.smoothing import Motion, pieces, smooth
-from semap.batch.stored_tracks import StoredStates, StoredTrack, read_regions, read_states, read_tracks
+from semap.batch.stored_tracks import (
+    StoredStates,
+    StoredTrack,
+    read_amended_tracks,
+    read_regions,
+    read_states,
+    read_tracks,
+)
 from semap.errors import InvalidInput, NotFound
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
@@ -35,10 +42,10 @@ from semap.rules.lookback import lookback_us
 from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row
 from semap.store.database.connection import connect, translated
-from semap.store.operate.retention import require_states
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import Span, history_rows
+from semap.worker.kept import require_states
 from semap.worker.map_facts import MapFacts, load_map_facts
 from semap.worker.progress import ROLE, WORKER, event_json
 
@@ -211,11 +218,16 @@ def _found(
     path = _path(states, tracks, plan.motion)
     advance("finding visits")
     regions = read_regions(connection, map_id)
-    areas = [region.area for region in regions.values()]
+    found = visits(path, [region.area for region in regions.values()])
     before_us = to_us(first - margin) - 1
-    rows: dict[str, Row] = {
-        row.uid: row for row in relation_rows(visits(path, areas), tracks, regions, facts, before_us)
-    }
+    following = {number: region for number, region in regions.items() if region.follows_amendments}
+    amended = _amended(connection, map_id, first - margin, last + margin) if following else None
+    if amended is not None:
+        found = (each for each in found if not (each.region_id in following and each.track in amended[1]))
+    rows: dict[str, Row] = {row.uid: row for row in relation_rows(found, tracks, regions, facts, before_us)}
+    if amended is not None:
+        found = visits(_path(*amended, plan.motion), [region.area for region in following.values()])
+        rows |= {row.uid: row for row in relation_rows(found, amended[1], regions, facts, before_us)}
     advance("running the rules")
     span = Span(to_us(first), to_us(last), with_held=True)
     rows |= _noted_rows(connection, map_id, rules, span, facts)
@@ -226,6 +238,14 @@ def _found(
         rules.values(), ready, to_us(last), tell=lambda rule, what: given_up.update({rule.name: what})
     )
     return [event for event in events if plan.start <= event.stamp < plan.end]
+
+
+def _amended(
+    connection: psycopg.Connection, map_id: int, start: datetime, end: datetime
+) -> tuple[StoredStates, Mapping[int, StoredTrack]]:
+    """The states of amended tracks as queries that follow amendments take them, and all of these tracks."""
+    states = read_states(connection, map_id, start, end, as_amended=True)
+    return states, read_amended_tracks(connection, map_id, start, end)
 
 
 def _reach(lookback_us: float) -> tuple[timedelta, timedelta]:

@@ -1,8 +1,8 @@
 """Tracks smoothed over their whole length.
 
 Constant velocity with white-noise acceleration, forward by a Kalman filter and back by the smoother of Rauch,
-Tung and Striebel (1965). Both axes have the same noise, so that one 2 x 2 covariance serves both; the steps
-are taken one after the other, each for all tracks at once.
+Tung and Striebel (1965). Both axes have the same noise, so that one 2 x 2 covariance serves both. Forward
+the steps are taken one after the other, each for all tracks at once; back, filterpy takes track after track.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from filterpy.common import Q_continuous_white_noise, kinematic_state_transition
+from filterpy.kalman import rts_smoother
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -65,6 +67,8 @@ def smooth(
     active = np.searchsorted(-length, -np.arange(length[0]), side="left")
     variance = np.where(np.isnan(std_m), motion.std_m, std_m) ** 2
     step_s = np.concatenate([[0.0], np.diff(stamp_us) / 1e6])
+    step_s[first] = 0.0
+    transition, noise = _moves(step_s, motion.acceleration_density)
     states = np.zeros((len(piece), 2, 2))  # position and velocity by axis
     covariances = np.zeros((len(piece), 2, 2))
     for k, count in enumerate(active):
@@ -74,17 +78,17 @@ def smooth(
             covariances[at, 0, 0] = variance[at]
             covariances[at, 1, 1] = motion.speed_std_mps**2
             continue
-        state, covariance = _predict(states[at - 1], covariances[at - 1], step_s[at], motion)
+        move = transition[at]
+        state = move @ states[at - 1]
+        covariance = move @ covariances[at - 1] @ np.swapaxes(move, 1, 2) + noise[at]
         gain = covariance[:, :, 0] / (covariance[:, 0, 0] + variance[at])[:, None]
         states[at] = state + gain[:, :, None] * (position_m[at] - state[:, 0])[:, None, :]
         covariances[at] = covariance - gain[:, :, None] * covariance[:, None, 0, :]
-    for k in range(len(active) - 2, -1, -1):
-        at = first[: active[k + 1]] + k
-        state, covariance = _predict(states[at], covariances[at], step_s[at + 1], motion)
-        across = covariances[at] @ np.swapaxes(_transition(step_s[at + 1]), 1, 2)
-        back = across @ np.linalg.inv(covariance)
-        states[at] += back @ (states[at + 1] - state)
-        covariances[at] += back @ (covariances[at + 1] - covariance) @ np.swapaxes(back, 1, 2)
+    for begin, count in zip(first, length, strict=True):
+        of_piece, steps = slice(begin, begin + count), slice(begin + 1, begin + count)
+        states[of_piece], covariances[of_piece], *_ = rts_smoother(
+            states[of_piece], covariances[of_piece], transition[steps], noise[steps]
+        )
     return states[:, 0], np.sqrt(covariances[:, 0, 0])
 
 
@@ -94,17 +98,13 @@ def _runs(piece: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64
     return first, np.diff(np.concatenate([first, [len(piece)]]))
 
 
-def _predict(state: Floats, covariance: Floats, step_s: Floats, motion: Motion) -> tuple[Floats, Floats]:
-    transition = _transition(step_s)
-    noise = np.empty((len(step_s), 2, 2))
-    noise[:, 0, 0] = step_s**3 / 3
-    noise[:, 0, 1] = noise[:, 1, 0] = step_s**2 / 2
-    noise[:, 1, 1] = step_s
-    moved = transition @ covariance @ np.swapaxes(transition, 1, 2)
-    return transition @ state, moved + motion.acceleration_density * noise
+def _moves(step_s: Floats, density: float) -> tuple[Floats, Floats]:
+    """(n, 2, 2) how position and velocity go on in each step, and the noise that comes to them.
 
-
-def _transition(step_s: Floats) -> Floats:
-    transition = np.tile(np.eye(2), (len(step_s), 1, 1))
+    The noise is that of one second, its position scaled with the time to the 3/2, its velocity to the 1/2.
+    """
+    transition = np.tile(kinematic_state_transition(1, 1.0), (len(step_s), 1, 1))
     transition[:, 0, 1] = step_s
-    return transition
+    scale = np.sqrt(np.stack([step_s**3, step_s], axis=1))
+    of_second = Q_continuous_white_noise(2, 1.0, density)
+    return transition, of_second * scale[:, :, None] * scale[:, None, :]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -21,6 +21,29 @@ STATES = """
     from semap.states_of_map(%(map_id)s, %(start)s, %(end)s) s
     where s.stamp < %(end)s
     order by s.track_id, s.stamp
+"""
+# as queries that follow amendments take them: whose states are whose, and who went on as another was not over
+STATES_AS_AMENDED = """
+    with state as (
+      select distinct on (g.track_id, s.stamp) s.*, g.track_id as of_track
+      from semap.states_of_map(%(map_id)s, %(start)s, %(end)s) s
+      join semap.track_reading g
+        on g.state_track_id = s.track_id and s.stamp >= g.from_stamp and s.stamp < g.to_stamp
+      where s.stamp < %(end)s
+      order by g.track_id, s.stamp, g.track_id <> s.track_id, s.track_id
+    )
+    select s.of_track, (extract(epoch from s.stamp) * 1000000)::bigint, s.x_m, s.y_m, coalesce(s.z_m, 'nan'),
+           coalesce(sqrt((s.std_m::float8 ^ 2 + coalesce(s.std_across_m, s.std_m)::float8 ^ 2) / 2)::real,
+                    'nan'),
+           s.is_last and lead(s.track_id) over (partition by s.of_track order by s.stamp) = s.track_id
+    from state s order by s.of_track, s.stamp
+"""
+ENDS_AS_AMENDED = """
+    select g.track_id, case when bool_and(k.ended_at < %(end)s) then max(k.ended_at) end,
+           count(k.track_id) > 0
+    from semap.track_reading g
+    left join semap.track k on k.track_id = g.state_track_id and g.to_stamp = 'infinity'
+    where g.map_id = %(map_id)s group by g.track_id
 """
 # a track may have stood unseen for long before the span: what it was in then, the triggers have noted
 TRACKS = """
@@ -43,8 +66,9 @@ TRACKS = """
 """
 REGIONS = """
     select region_id, query_id, query_name, instance_id, instance_uid, instance_name,
-           st_asbinary(footprint), z_min_m, z_max_m
-    from semap.region where map_id = %(map_id)s
+           st_asbinary(footprint), z_min_m, z_max_m,
+           (select follows_amendments from semap.continuous_query q where q.query_id = r.query_id)
+    from semap.region r where map_id = %(map_id)s
 """
 
 
@@ -73,6 +97,7 @@ class StoredRegion:
     instance_id: int
     instance_uid: str
     instance_name: str
+    follows_amendments: bool
 
 
 @dataclass(frozen=True)
@@ -97,12 +122,16 @@ class StoredStates:
 PAGE = 50_000
 
 
-def read_states(connection: psycopg.Connection, map_id: int, start: datetime, end: datetime) -> StoredStates:
-    """All states of a map's tracks from `start` on and before `end`."""
+def read_states(
+    connection: psycopg.Connection, map_id: int, start: datetime, end: datetime, *, as_amended: bool = False
+) -> StoredStates:
+    """All states of a map's tracks from `start` on and before `end`; as amended: of amended tracks alone."""
     numbers: list[NDArray[np.float64]] = []
     stamps: list[NDArray[np.int64]] = []
     with translated(), connection.transaction(), connection.cursor("states", binary=True) as cursor:
-        cursor.execute(STATES, {"map_id": map_id, "start": start, "end": end})
+        cursor.execute(
+            STATES_AS_AMENDED if as_amended else STATES, {"map_id": map_id, "start": start, "end": end}
+        )
         while page := cursor.fetchmany(PAGE):
             # a float holds a stamp of today to a quarter of a microsecond, but not one of any year
             stamps.append(np.array([row[1] for row in page], np.int64))
@@ -130,6 +159,19 @@ def read_tracks(
     return {row[0]: StoredTrack(row[0], row[1], str(row[2]), row[3], row[4]) for row in rows}
 
 
+def read_amended_tracks(
+    connection: psycopg.Connection, map_id: int, start: datetime, end: datetime
+) -> Mapping[int, StoredTrack]:
+    """The amended tracks of a map, as `read_tracks` has them; one whose states another has since is over."""
+    with translated():
+        rows = connection.execute(ENDS_AS_AMENDED, {"map_id": map_id, "end": end}).fetchall()
+    tracks = read_tracks(connection, [row[0] for row in rows], start, end)
+    return {
+        track_id: replace(tracks[track_id], ended_at=ended_at if goes_on else start)
+        for track_id, ended_at, goes_on in rows
+    }
+
+
 def read_regions(connection: psycopg.Connection, map_id: int) -> Mapping[int, StoredRegion]:
     """By id; the map as it is now."""
     with translated():
@@ -142,8 +184,9 @@ def read_regions(connection: psycopg.Connection, map_id: int) -> Mapping[int, St
             instance_id,
             str(uid),
             name,
+            bool(follows),
         )
-        for region_id, query_id, query, instance_id, uid, name, wkb, low, high in rows
+        for region_id, query_id, query, instance_id, uid, name, wkb, low, high, follows in rows
     }
 
 

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from functools import wraps
 from types import TracebackType
-from typing import Any, Generic, Literal, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Literal, ParamSpec, TypeVar, overload
 
 import httpx
 from httpx_sse import EventSource, SSEError
@@ -15,9 +15,13 @@ from semap.client.exchange import Pause, Plan, Told
 from semap.client.following import Following, Gaps, Interrupted
 from semap.client.plans import happenings, places, things, whole_maps
 from semap.client.retrying import patiently
+from semap.client.streaming import Streaming
 from semap.client.table import Table
 from semap.client.transport import answer_of, arguments, lost, settings, stream_arguments
 from semap.client.values import Event
+
+if TYPE_CHECKING:
+    from semap.client.awaiting_stream import AsyncStateStream
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -139,6 +143,12 @@ class AsyncClient:
                     told = answer_of(await self._http.request(**call))
                 except httpx.RequestError as error:
                     told = lost(error)
+
+    def stream_states(self, map: str, source: str) -> AsyncStateStream:  # noqa: A002
+        """As Client.stream_states, for `async with`."""
+        from semap.client.awaiting_stream import AsyncStateStream  # noqa: PLC0415  (few stream)
+
+        return AsyncStateStream(Streaming(map, source, self.retries), self._http)
 
     @overload
     def events(

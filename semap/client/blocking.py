@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import wraps
 from types import TracebackType
-from typing import Generic, Literal, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Generic, Literal, ParamSpec, TypeVar, overload
 
 import httpx
 from httpx_sse import EventSource, SSEError
@@ -15,9 +15,13 @@ from semap.client.exchange import Pause, Plan, Told
 from semap.client.following import Following, Gaps, Interrupted
 from semap.client.plans import happenings, places, things, whole_maps
 from semap.client.retrying import patiently
+from semap.client.streaming import Streaming
 from semap.client.table import Table
 from semap.client.transport import answer_of, arguments, lost, settings, stream_arguments
 from semap.client.values import Event
+
+if TYPE_CHECKING:
+    from semap.client.blocking_stream import StateStream
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -138,6 +142,19 @@ class Client:
                     told = answer_of(self._http.request(**call))
                 except httpx.RequestError as error:
                     told = lost(error)
+
+    def stream_states(self, map: str, source: str) -> StateStream:  # noqa: A002
+        """Send where tracks are, many times a second, over one connection; to be used in `with`.
+
+        A lost connection is made again, and what was not answered is sent again: nothing is lost or taken
+        twice. The source and its tracks are made when they are new.
+
+        raises  AccessRefused; SemapError with what else the service says against it; ServiceUnreachable
+                where it never answered
+        """
+        from semap.client.blocking_stream import StateStream  # noqa: PLC0415  (few stream)
+
+        return StateStream(Streaming(map, source, self.retries), self._http)
 
     @overload
     def events(

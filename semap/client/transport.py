@@ -10,10 +10,10 @@ from typing import Any
 
 import httpx
 
-from semap import __version__
 from semap.client.exchange import Answer, Lost, Request
 from semap.client.following import SILENCE_S
 from semap.errors import InvalidInput
+from semap.version import VERSION
 
 DEFAULT_URL = "http://127.0.0.1:8000"
 URL_VARIABLE = "SEMAP_URL"
@@ -35,7 +35,7 @@ def settings(url: str | None, token: str | None, timeout_s: float) -> dict[str, 
             f"{address!r} is no address of a service", "Give one such as http://127.0.0.1:8000."
         )
     secret = token if token is not None else os.environ.get(TOKEN_VARIABLE)
-    headers = {"User-Agent": f"semap/{__version__}"}
+    headers = {"User-Agent": f"semap/{VERSION}"}
     if secret:
         if not (secret.isascii() and secret.isprintable()):
             raise InvalidInput(

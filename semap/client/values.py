@@ -15,6 +15,29 @@ from uuid import UUID
 
 from pydantic import AfterValidator, AwareDatetime
 
+from semap.model.event import Evidence, Named
+from semap.model.given_up import GivenUp
+from semap.model.object_state import NewObjectState, ObjectState
+from semap.model.relation import Occupant
+from semap.model.route import Gap, Part, Route, RouteStep
+from semap.model.selection import Selection
+from semap.model.track_state import Seen
+
+__all__ = [
+    "Evidence",
+    "Gap",
+    "GivenUp",
+    "Named",
+    "NewObjectState",
+    "ObjectState",
+    "Occupant",
+    "Part",
+    "Route",
+    "RouteStep",
+    "Selection",
+]
+"""Nouns that the store, the service and its clients share."""
+
 
 def _in_utc(stamp: datetime) -> datetime:
     return stamp.astimezone(UTC)
@@ -24,14 +47,6 @@ Stamp = Annotated[AwareDatetime, AfterValidator(_in_utc)]
 
 Shape = Mapping[str, Any]
 """A GeoJSON geometry, in metres instead of degrees."""
-
-
-@dataclass(frozen=True)
-class Named:
-    """Something that another thing refers to."""
-
-    id: int
-    name: str | None
 
 
 @dataclass(frozen=True)
@@ -140,72 +155,8 @@ class Extent:
 
 
 @dataclass(frozen=True)
-class RouteStep:
-    """A room on the way, the door by which it is entered, and the way to that door [m]."""
-
-    room_id: int
-    room: str
-    door_id: int | None
-    door: str | None
-    length_m: float
-
-
-@dataclass(frozen=True)
-class Part:
-    """Rooms between which there are ways: how many, names of 20, and the storeys that they are on."""
-
-    rooms: int
-    names: tuple[str, ...]
-    storeys: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Why there is no way: the part of the building where it begins, and that where it ends."""
-
-    reason: str
-    start: Part
-    end: Part
-
-
-@dataclass(frozen=True)
-class Route:
-    """The shortest way through doors, openings, stairs and lifts; `length_m` is None where there is none.
-
-    line  x, y and, where it is known, z [m] of each place that it passes
-    gap   where there is none: which parts of the building are not connected
-    """
-
-    length_m: float | None
-    steps: tuple[RouteStep, ...]
-    line: tuple[tuple[float, ...], ...]
-    gap: Gap | None = None
-
-
-@dataclass(frozen=True)
-class Occupant:
-    """Someone in a room, and since when."""
-
-    track_id: int
-    name: str
-    since: Stamp
-
-
-@dataclass(frozen=True)
-class TrackState:
+class TrackState(Seen):
     """Where a track is; what its source does not know is None."""
-
-    stamp: Stamp
-    x_m: float
-    y_m: float
-    z_m: float | None
-    std_m: float | None
-    heading_rad: float | None
-    speed_mps: float | None
-    length_m: float | None
-    width_m: float | None
-    std_across_m: float | None = None
-    std_yaw_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -253,16 +204,6 @@ class Relation:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """A row that an event rests on; `variable` is that of the rule's pattern."""
-
-    uid: UUID
-    variable: str
-    source: str
-    stamp: Stamp
-
-
-@dataclass(frozen=True)
 class FoundEvent:
     """An event as a rule finds it, whether or not it was written."""
 
@@ -293,39 +234,29 @@ class Event(FoundEvent):
 
 
 @dataclass(frozen=True)
-class ObjectState:
-    """A property of an instance has a value from a stamp on."""
+class RefusedState:
+    """A state that was not taken: its place among those sent, why, and in detail."""
 
-    id: int
-    uid: UUID
-    map: str
-    source: str
-    instance_id: int
-    instance: str
-    property: str
-    value: str
-    previous: str | None
-    stamp: Stamp
-    attributes: Mapping[str, Any]
+    index: int
+    reason: str
+    detail: str
 
 
 @dataclass(frozen=True)
-class NewObjectState:
-    """What is told of an object: a property of an instance has a value from an aware stamp on."""
+class TakenStates:
+    """What came of the states of one message.
 
-    instance: str
-    property: str
-    value: str
-    stamp: datetime
-    attributes: Mapping[str, Any] = field(default_factory=dict)
+    sequence      its number; None where it was sent without one
+    late          how many of the accepted came after later ones of their track; late_indexes: the first 20
+    refused       how many were not taken; refusals: the first 20
+    """
 
-
-@dataclass(frozen=True)
-class GivenUp:
-    """Where a rule began to give up, as too much was under way in one key: what begins later may lack."""
-
-    first: Stamp
-    key: Mapping[str, Any]
+    sequence: int | None
+    accepted: int
+    late: int
+    late_indexes: tuple[int, ...]
+    refused: int
+    refusals: tuple[RefusedState, ...]
 
 
 @dataclass(frozen=True)
@@ -387,17 +318,6 @@ class Operator:
     edits: bool
     parameters: tuple[Parameter, ...]
     columns: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Instances of a map that meet all that is given; `filter` is CQL2, as text or JSON."""
-
-    ids: tuple[int, ...] | None = None
-    names: tuple[str, ...] | None = None
-    concept: str | None = None
-    attributes: Mapping[str, Any] | None = None
-    filter: str | Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ and points keep their height as the attribute `height_m`.
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from uuid import UUID, uuid5
@@ -252,7 +253,7 @@ def _number(properties: Mapping[str, object], key: str, where: str) -> float | N
     value = properties.get(key)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e6:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e6:
         raise InvalidInput(f"`{key}` is {value!r}", "Give a number of metres.", where)
     return float(value)
 
@@ -320,13 +321,31 @@ def _refuse_duplicates(names: Iterable[str], where: str) -> None:
 
 
 def _refuse_unstorable(properties: Mapping[str, object], where: str) -> None:
-    """PostgreSQL stores neither NaN in JSON nor the character NUL nor half a surrogate pair in text."""
+    """PostgreSQL stores neither NaN in JSON nor the character NUL nor half a surrogate pair."""
+    for key, value in properties.items():
+        for number in _not_finite(value):
+            what = f"`{key}` is {number}" if number is value else f"`{key}` holds {number}"
+            raise InvalidInput(what, "Give a finite number, or leave it out.", where)
     try:
-        text = json.dumps(properties, allow_nan=False, ensure_ascii=False)
+        text = json.dumps(properties, ensure_ascii=False)
         text.encode()
-    except (ValueError, RecursionError) as error:
-        raise InvalidInput(
-            f"a property cannot be stored: {error}", "Give finite numbers and plain text.", where
-        ) from error
+    except UnicodeEncodeError as error:
+        half = f"U+{ord(error.object[error.start]):04X}"
+        raise InvalidInput(f"a property has half of a character ({half})", "Remove it.", where) from error
+    except RecursionError as error:
+        raise InvalidInput("a property is nested too deeply", "Give plain attributes.", where) from error
     if "\\u0000" in text:
         raise InvalidInput("a property has the character NUL", "Remove it.", where)
+
+
+def _not_finite(value: object) -> Iterator[float]:
+    """The numbers in a value of JSON that are not finite."""
+    left = [value]
+    while left:
+        each = left.pop()
+        if isinstance(each, Mapping):
+            left.extend(each.values())
+        elif isinstance(each, list):
+            left.extend(each)
+        elif isinstance(each, float) and not math.isfinite(each):
+            yield each

@@ -73,6 +73,12 @@ def write_gltf(instances: Sequence[PlacedInstance], name: str = "map") -> bytes:
     return _glb(tree, bytes(scene.data))
 
 
+def shown_surface(placed: PlacedInstance) -> Mesh | None:
+    """What an instance is shown by, in its own frame; None for one without a surface and an outline."""
+    surface = _surface(placed.sources)
+    return _extruded(placed) if surface is None else surface
+
+
 @dataclass(eq=False)
 class _Scene:
     """The parts of a file as they are added; each mesh and material once."""

@@ -44,8 +44,10 @@ RULE_CLAUSES = (
     "where",
     "partition_by",
     "pattern",
+    "subset",
     "define",
     "measures",
+    "rows_per_match",
     "within",
     "after_match",
     "about",
@@ -55,7 +57,7 @@ RULE_CLAUSES = (
     "confidence",
 )
 QUERY_OPTIONS = ("subject", "object", "distance_m", "abstraction", "dimensions", "debounce", "certainty",
-                 "between_samples", "payload")  # fmt: skip
+                 "between_samples", "follows_amendments", "payload")  # fmt: skip
 WHOLE_RULE = ("query", "queries", "declaration")
 QUERY_FIELDS = ("predicate", "concept", "enabled", *QUERY_OPTIONS)
 RULE_FIELDS = (*RULE_CLAUSES, *WHOLE_RULE, "enabled")

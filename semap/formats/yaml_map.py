@@ -16,6 +16,7 @@ from semap.errors import NotFound
 from semap.formats import map_sections as sections_of
 from semap.formats import map_short
 from semap.formats.map_draft import ROOT, Draft
+from semap.formats.map_early import refuse_early
 from semap.formats.map_folder import replace_file
 from semap.formats.map_writing import MARK, map_files
 from semap.formats.source import read_bytes
@@ -104,7 +105,7 @@ def read_map(path: Path) -> MapDocument:
     file = path / FILE if path.is_dir() else path
     if not file.is_file():
         raise NotFound("map", path, f"Give a folder with a {FILE}, or a .yaml file.")
-    root = parse_yaml(read_bytes(file), str(file), SHAPE, {"map": "Write `map: NAME` first."})
+    root = parse_yaml(read_bytes(file), str(file), SHAPE, {"map": "Write `map: NAME` first."}, refuse_early)
     fields = root.fields(SHAPE)
     draft = Draft(file.parent, fields["rules"].mapping().keys() if "rules" in fields else ())
     for key in filter(fields.__contains__, FULL):

@@ -92,6 +92,10 @@ class Node:
         """file:line:column, both from 1"""
         return _where(self.file, self.mark)
 
+    def where_of(self, offset: int) -> str:
+        """file:line:column of a character of what is written here on one line"""
+        return f"{self.file}:{self.mark.line + 1}:{self.mark.column + 1 + offset}"
+
     def wrong(self, message: str, remedy: str) -> InvalidInput:
         """The error that something is wrong at this place."""
         return InvalidInput(message, remedy, self.where)
@@ -206,14 +210,44 @@ class Node:
         return self.value
 
 
+@dataclass(frozen=True)
+class UnreadLists:
+    """The lists of numbers of a large file of which the rest was read: each is a word of its length there."""
+
+    name: str
+    file: str
+
+    def text(self, node: Node) -> str | None:
+        """A list as it is written; None where the node is no such word."""
+        if not node.source.startswith(WORD):
+            return None
+        return self.file[node.mark.index : node.mark.index + len(node.source)]
+
+    def read(self, node: Node) -> Node:
+        """The list that a word stands for, or the node itself.
+
+        raises  InvalidInput as `parse_yaml` does
+        """
+        text = self.text(node)
+        if text is None:
+            return node
+        above = "\n" * node.mark.line + " " * node.mark.column  # so that errors name its place
+        return _Reading(self.name, above + text).document(None, {})
+
+
 def parse_yaml(
-    data: bytes, name: str, shape: Shape | None = None, needed: Mapping[str, str] = MappingProxyType({})
+    data: bytes,
+    name: str,
+    shape: Shape | None = None,
+    needed: Mapping[str, str] = MappingProxyType({}),
+    early: Callable[[Node, UnreadLists], None] | None = None,
 ) -> Node:
     """The one document of a YAML file in UTF-8.
 
     name    names the file in errors
     shape   what the document is known to be: a large file that is something else is refused where it begins
     needed  keys that the document must have, and the remedy where one is missing
+    early   is asked of a large file before its lists of numbers are read, and may raise InvalidInput
     raises  InvalidInput if it is no YAML, is too large, repeats a key, makes objects, or has another shape;
             it lists the first 20 places of keys and values that are wrong
     """
@@ -224,7 +258,7 @@ def parse_yaml(
     try:
         text = utf8(data, name)
         if len(data) >= LARGE_BYTES:
-            _refuse_large(text, name, shape, needed)
+            _refuse_large(text, name, shape, needed, early)
         return _Reading(name, text).document(shape, needed)
     except yaml.MarkedYAMLError as error:
         where = name if error.problem_mark is None else _where(name, error.problem_mark)
@@ -235,17 +269,31 @@ def parse_yaml(
         raise InvalidInput(f"not YAML: {error}", "Give a YAML file in UTF-8.", name) from error
 
 
-def _refuse_large(text: str, name: str, shape: Shape | None, needed: Mapping[str, str]) -> None:
+def _refuse_large(
+    text: str,
+    name: str,
+    shape: Shape | None,
+    needed: Mapping[str, str],
+    early: Callable[[Node, UnreadLists], None] | None,
+) -> None:
     """Refuse most wrong files in a third of the time that reading takes.
 
-    raises  as `parse_yaml` does; what lists of numbers say is left to it
+    raises  as `parse_yaml` and `early` do; what lists of numbers say is left to these
     """
     if hasattr(_Loader, "raw_parse"):
         _Loader(text).raw_parse()  # in C alone
     if shape is not None and WORD not in text:
         # A list as one word of the same length: every other thing keeps its place.
-        words = NUMBERS.sub(lambda found: WORD.ljust(len(found[0]), "_"), text)
-        _Reading(name, words).document(shape, needed)
+        words = NUMBERS.sub(_as_word, text)
+        root = _Reading(name, words).document(shape, needed)
+        if early is not None:
+            early(root, UnreadLists(name, text))
+
+
+def _as_word(found: re.Match[str]) -> str:
+    """What stands for a list; a list that says something else as well stays as it is."""
+    numbers = found[0]
+    return WORD.ljust(len(numbers), "_") if numbers.count("[") == numbers.count("]") else numbers
 
 
 def _where(name: str, mark: Any) -> str:

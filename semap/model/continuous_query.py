@@ -89,6 +89,7 @@ class Declaration:
     abstraction     which abstraction of instances is compared; tracks are where their position is
     dimensions      3: heights count, too
     between_samples None: relations follow the samples alone
+    follows_amendments  where a tracker finds that it had mistaken tracks, relations are corrected
     payload         what each row of the result carries: a property of a side by the name of its column, such
                     as {"room": "object.name", "track": "subject.name"}; empty: all there are
     """
@@ -107,6 +108,7 @@ class Declaration:
     debounce: Debounce = field(default_factory=Debounce)
     certainty: Certainty | None = None
     between_samples: BetweenSamples | None = None
+    follows_amendments: bool = False
     payload: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -26,8 +26,34 @@ class Evidence:
     stamp: datetime
 
 
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Something that another thing refers to."""
+
+    id: int
+    name: str | None
+
+
+class TrackAndInstance:
+    """Whom an event is about, of which it has ids and names; None of each that it is not about."""
+
+    __slots__ = ()
+    track_id: int | None
+    track_name: str | None
+    instance_id: int | None
+    instance_name: str | None
+
+    @property
+    def track(self) -> Named | None:
+        return None if self.track_id is None else Named(self.track_id, self.track_name or "")
+
+    @property
+    def instance(self) -> Named | None:
+        return None if self.instance_id is None else Named(self.instance_id, self.instance_name or "")
+
+
 @dataclass(slots=True)
-class Event:
+class Event(TrackAndInstance):
     """Something happened: what, when, between whom, by which rule, and the evidence for it.
 
     stamp       event time

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from datetime import datetime
 from typing import Literal
 
 Kind = Literal["began", "ended", "crossed"]
@@ -10,3 +12,12 @@ Direction = Literal["left_to_right", "right_to_left"]
 """Seen along a line, in the order of its vertices."""
 Amendment = Literal["added", "retracted"]
 """Of the past, since states came late."""
+
+
+@dataclass(frozen=True)
+class Occupant:
+    """A track that is in a room, and since when."""
+
+    track_id: int
+    name: str
+    since: datetime

@@ -7,8 +7,8 @@ from datetime import datetime
 
 
 @dataclass(frozen=True)
-class TrackState:
-    """Where a track was seen, in the map frame. After its last it was gone.
+class Seen:
+    """Where a track was seen, in the map frame; what its source does not know is None.
 
     std_m              standard deviation: of all directions, or along the longer axis of the error ellipse
     heading_rad        from x towards y, where the body faces
@@ -26,8 +26,14 @@ class TrackState:
     speed_mps: float | None
     length_m: float | None
     width_m: float | None
-    std_across_m: float | None
-    std_yaw_rad: float | None
+    std_across_m: float | None = None
+    std_yaw_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class TrackState(Seen):
+    """A state as it is stored. After its last the track was gone."""
+
     is_last: bool = False
 
 

@@ -64,6 +64,11 @@ def to_datetime(stamp_us: int) -> datetime:
     return EPOCH + timedelta(0, 0, stamp_us)  # by place: twice as fast as by name
 
 
+def rfc3339(stamp: datetime) -> str:
+    """An aware stamp in UTC with microseconds."""
+    return stamp.astimezone(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
 def day_of(stamp_us: int) -> date:
     """The day in UTC."""
     return to_datetime(stamp_us).date()

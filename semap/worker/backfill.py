@@ -18,11 +18,11 @@ from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
 from semap.rules.needs import needs_of, properties_read
 from semap.rules.row import Row
-from semap.store.operate.retention import require_kept
 from semap.timeline.stamp import to_datetime, to_us
 from semap.worker.enrichment import enriched
 from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
 from semap.worker.inputs import RuleChange
+from semap.worker.kept import require_kept
 from semap.worker.progress import Progress
 
 log = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import partial
 from threading import Event as Signal
 
-from semap.store.database.connection import listen, translated, wait_for_notice
+from semap.store.database.connection import listen, own_session, translated, wait_for_notice
 from semap.store.motion.correction import correct_some
 from semap.worker.beside import OneByOne, again_and_again, beside
 
@@ -26,6 +26,7 @@ RETRY_S = 1.0
 WAITING = """
     select distinct s.map_id from semap.source s
     where exists (select from semap.late_state l where l.source_id = s.source_id)
+       or exists (select from semap.reading_due d where d.source_id = s.source_id)
 """
 
 
@@ -45,9 +46,13 @@ def correcting(dsn: str) -> Iterator[None]:
 
 def _follow(dsn: str, stop: Signal) -> None:
     maps = OneByOne(log, "The past of the map %d is not corrected: %s")
-    with listen(dsn, CHANNEL, ROLE, application="semap work: correcting") as connection:
+    application = "semap work: correcting"
+    with (
+        listen(dsn, CHANNEL, ROLE, application=application) as listening,
+        own_session(dsn, ROLE, application=application) as connection,
+    ):
         while not stop.is_set():
             with translated():
-                waiting = connection.execute(WAITING).fetchall()
+                waiting = listening.execute(WAITING).fetchall()
             if not maps.each((map_id for (map_id,) in waiting), partial(correct_some, connection)):
-                wait_for_notice(connection, EACH_S)
+                wait_for_notice(listening, EACH_S)

@@ -19,7 +19,7 @@ from semap.worker.map_facts import Facts, MapFacts
 
 MAP_CHANGE_NAMESPACE = UUID("9d0b8a5c-54c1-5c8e-8a5b-0f6f2b9a7d61")
 MAP_INPUT = "map"
-UNKNOWN = Facts(0, MappingProxyType({}), ())
+UNKNOWN = Facts(0, "", MappingProxyType({}), ())
 
 
 RELATION_COLUMNS = """
@@ -130,7 +130,7 @@ def map_row(instance_id: int, kind: str, committed_at_us: int, facts: MapFacts) 
     kind  added, changed or removed
     """
     known = facts.of(instance_id) or UNKNOWN
-    uid = uuid5(MAP_CHANGE_NAMESPACE, f"{known.map_id}|{instance_id}|{kind}|{committed_at_us}")
+    uid = uuid5(MAP_CHANGE_NAMESPACE, f"{known.uid}|{kind}|{committed_at_us}")
     values = {
         "input": MAP_INPUT,
         "type": kind,

@@ -19,7 +19,8 @@ from semap.rules.row import Value
 from semap.store.database.connection import translated
 
 PUBLICATION = "semap_map"
-TABLES = ("concept", "concept_parent", "instance", "door_room")
+OF_HISTORY = ("concept", "concept_parent", "instance", "door_room")
+TABLES = ("map", *OF_HISTORY)
 ROOM = "Room"
 
 LOAD = """
@@ -37,6 +38,7 @@ class Instance:
     """An instance as the log tells it; its attributes are JSON text."""
 
     map_id: int
+    uid: str
     name: str
     concept_id: int
     attributes: str
@@ -46,11 +48,13 @@ class Instance:
 class Facts:
     """What a row says of its instance.
 
+    uid       the instance's own behind that of its map: no other instance of any database has it
     values    by the names of a row's properties; of an instance in several rooms `rooms` has a mapping each
     concepts  the instance's own and all above it
     """
 
     map_id: int
+    uid: str
     values: Mapping[str, Value]
     concepts: tuple[str, ...]
 
@@ -59,6 +63,7 @@ class Facts:
 class MapFacts:
     """Mutable: the instances of all maps."""
 
+    _maps: dict[int, str] = field(default_factory=dict)
     _instances: dict[int, Instance] = field(default_factory=dict)
     _concepts: dict[int, str] = field(default_factory=dict)
     _parents: dict[int, set[int]] = field(default_factory=dict)
@@ -76,6 +81,9 @@ class MapFacts:
         is_there = change.operation != "delete"
         row = change.row
         match change.table:
+            case "map":
+                if is_there:  # one that goes is known on, as its instances are until the transaction is over
+                    self._maps[_id(row, "map_id")] = row["uid"] or ""
             case "instance":
                 self._apply_instance(row, is_there)
             case "concept":
@@ -117,7 +125,11 @@ class MapFacts:
         self._gone.pop(instance_id, None)
         attributes = row.get("attributes", None if before is None else before.attributes)
         self._instances[instance_id] = Instance(
-            _id(row, "map_id"), row["name"] or "", _id(row, "concept_id"), attributes or "{}"
+            _id(row, "map_id"),
+            row["uid"] or "",
+            row["name"] or "",
+            _id(row, "concept_id"),
+            attributes or "{}",
         )
 
     def _facts(self, instance_id: int) -> Facts:
@@ -134,7 +146,11 @@ class MapFacts:
             values |= rooms[0]
         elif rooms:
             values["rooms"] = rooms
-        return Facts(instance.map_id, values, concepts)
+        return Facts(instance.map_id, self._uid(instance), values, concepts)
+
+    def _uid(self, instance: Instance) -> str:
+        # the log still tells of a map that went meanwhile, whose events are not kept
+        return f"{self._maps.get(instance.map_id)}/{instance.uid}"
 
     def _rooms(self, instance_id: int, concepts: tuple[str, ...]) -> Iterable[int]:
         if ROOM in concepts:
@@ -148,9 +164,11 @@ class MapFacts:
             for other_id in self._rooms_of_door.get(door_id, ())
             if other_id != room_id and other_id in self._instances
         }
+        room = self._instances[room_id]
         return {
-            "room": self._instances[room_id].name,
+            "room": room.name,
             "room_id": room_id,
+            "room_uid": self._uid(room),
             "neighbours": sorted(self._instances[other_id].name for other_id in beyond),
         }
 
@@ -171,7 +189,9 @@ def load_map_facts(connection: psycopg.Connection, at: datetime | None = None) -
     """The facts as of a moment by the server's clock; None is now."""
     facts = MapFacts()
     with translated():
-        for table in TABLES:
+        for map_id, uid in connection.execute("select map_id::text, uid::text from semap.map"):
+            facts.apply(Change("map", "insert", {"map_id": map_id, "uid": uid}))
+        for table in OF_HISTORY:
             for (content,) in connection.execute(LOAD, [table, at]):
                 facts.apply(Change(table, "insert", {name: _text(value) for name, value in content.items()}))
     return facts

@@ -1,8 +1,9 @@
-"""Rules over stored history, beside the worker and without writing: dry runs, and gaps in what they find."""
+"""Rules over stored history, beside the worker and without writing: dry runs, gaps in what they find, and
+rules that it suggests."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -16,13 +17,14 @@ from semap.rules.declaration import Declaration
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.language.reading import parse_declaration
+from semap.rules.mining import Proposal, Wanted, mine
 from semap.rules.needs import needs_of
 from semap.rules.row import Row
 from semap.store.database.connection import translated
-from semap.store.operate.retention import require_kept, require_states
 from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.history_rows import Span, history_rows
+from semap.worker.kept import require_kept, require_states
 from semap.worker.map_facts import load_map_facts
 
 MAP = """
@@ -110,6 +112,48 @@ def dry_run(
     until_us = max(known_us, default=0) if end_us is None else end_us
     events = run_over([rule], rows, until_us, watch, tell)
     return events if start is None else [event for event in events if event.stamp >= start]
+
+
+@dataclass(frozen=True)
+class Mined:
+    """A proposal, and the events that it would have made: a dry run of it."""
+
+    proposal: Proposal
+    events: list[Event]
+
+
+def mined(
+    connection: psycopg.Connection,
+    map_name: str,
+    wanted: Wanted,
+    inputs: Sequence[str] = (),
+    start: datetime | None = None,
+    end: datetime | None = None,
+    most: int = 10,
+) -> list[Mined]:
+    """Rules that what is stored suggests, the best first, each with a dry run; nothing is written.
+
+    inputs  names of queries, rules and properties of objects; without any, all rules of the map
+    raises  InvalidInput where the map has no rule and no input is named; else as `dry_run`
+    """
+    past = past_of_map(connection, map_name)
+    names = sorted(inputs or past.rule_names)
+    if not names:
+        raise InvalidInput(
+            "the map has no rule whose events could be looked at",
+            "Name what to look at: --input track_in_room, --input door.",
+            "input",
+        )
+    document = {"input": names, "emit": {"began": "began"}}
+    rule = past.rule(parse_declaration(document, "mine"))
+    if start is not None:
+        past.require_kept(rule, start)
+    from_us = None if start is None else to_us(start)
+    rows = past.rows(rule, Span(from_us, None if end is None else to_us(end) - 1))
+    return [
+        Mined(each, dry_run(connection, map_name, each.declaration, start, end))
+        for each in mine(rows, wanted)[:most]
+    ]
 
 
 def learnt(

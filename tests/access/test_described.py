@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import json
+import traceback
 import warnings
 from collections.abc import Iterator
-from datetime import timedelta
 from functools import cache
 
 import pytest
 from guarded import KINDS, Guarded, furnish, give_tokens, guarded
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
+from patience import PATIENCE_S
 from semap_service.serving.app import create_app
 from server import fresh_database
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -89,7 +90,8 @@ def ask_everything(service: Guarded, ids: dict[str, int], kind: str, examples: i
             try:
                 ask(service, client, operation, ids, examples)
             except (Exception, BaseExceptionGroup) as failure:  # all of them are told at the end
-                failures.append(f"{operation.method} {operation.path}: {failure}")
+                told = "".join(traceback.format_exception(failure, limit=0))
+                failures.append(f"{operation.method} {operation.path}: {told}")
     assert not failures, "\n\n".join(failures)
 
 
@@ -101,7 +103,7 @@ def ask(service, client, operation, ids: dict[str, int], examples: int) -> None:
     @settings(
         max_examples=examples,
         derandomize=True,
-        deadline=timedelta(seconds=30),
+        deadline=None,
         database=None,
         suppress_health_check=list(HealthCheck),
     )
@@ -115,7 +117,9 @@ def ask(service, client, operation, ids: dict[str, int], examples: int) -> None:
         wait = (case.query or {}).get("wait")
         if isinstance(wait, int | float) and wait > LONGEST_WAIT_S:
             case.query["wait"] = LONGEST_WAIT_S
-        case.call_and_validate(base_url=service.url, headers=dict(client.headers), checks=CHECKS)
+        case.call_and_validate(
+            base_url=service.url, headers=dict(client.headers), checks=CHECKS, timeout=PATIENCE_S
+        )
 
     each()
 

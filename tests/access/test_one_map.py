@@ -36,6 +36,8 @@ def test_a_writer_of_one_map_edits_all_of_it(building: Building) -> None:
         assert (dry.status_code, dry.json()["count"]) == (200, 1)
         states = {"map": "annex", "source": "lights", "states": [SEEN]}
         assert client.post("/object-states", json=states).json() == {"added": 1}
+        tags = {"source": "tags", "states": [{"track": "a", "stamp": SEEN["stamp"], "x_m": 1.0, "y_m": 1.0}]}
+        assert client.post("/maps/annex/states", json=tags).json()["accepted"] == 1
         changes = client.get("/maps/annex/changes").json()["changes"]
         assert changes[0]["author"] == "ann (annex)"
         made(client.post(f"/changes/{changes[0]['id']}/undo"))
@@ -84,6 +86,7 @@ def test_an_operator_answers_a_caller_of_one_map_as_it_answers_all(building: Bui
         ("/queries", {"map": "office", "name": "q", "concept": "Door"}),
         ("/rules/dry-run", {"map": "office", "declaration": RULE}),
         ("/object-states", {"map": "office", "source": "s", "states": []}),
+        ("/maps/office/states", {"source": "s", "states": []}),
         ("/maps/office/frames", {"name": "f"}),
         ("/maps/office/descriptions", {"name": "d"}),
     ],

@@ -82,6 +82,19 @@ def test_a_token_for_several_maps_follows_each_by_its_own_numbers(building) -> N
         assert told(client.get("/events?map=office").text) == [1, 2, 2]
 
 
+def test_events_of_a_map_are_found_with_its_own_numbers(building) -> None:
+    service = building.service
+    for name in ("office", "annex", "office"):
+        happen(building, name)
+    with service.client("annex") as client:
+        first = client.get("/maps/annex/events?limit=1").json()
+        assert [each["seq"] for each in first["events"]] == [2]
+        assert first["next"].endswith(".2")
+        rest = client.get(f"/maps/annex/events?before={first['next']}").json()
+        assert [each["seq"] for each in rest["events"]] == [1]
+        assert client.get("/maps/office/events").status_code == 404
+
+
 def test_who_may_see_all_has_one_number_for_all(building) -> None:
     service = building.service
     numbers = [happen(building, name) for name in ("office", "annex", "office")]

@@ -21,7 +21,8 @@ from semap.store.map.operator_table import OPERATORS
 
 USELESS = (None, "wrong", "revoked", "expired")
 KINDS = ("read", "write", "ingest", "admin")
-SOCKETS = ("/events/feed", "/maps/{name}/live")
+SOCKETS = {"/events/feed": "read", "/maps/{name}/live": "read", "/maps/{name}/states/live": "ingest"}
+"""With the scope that each needs."""
 PROBLEM = "application/problem+json"
 
 Operation = tuple[str, str]
@@ -71,10 +72,11 @@ def test_the_policy_is_what_it_was_meant_to_be() -> None:
     by_scope: dict[str | None, set[Operation]] = {}
     for method, path in operations():
         by_scope.setdefault(demand_of(method, path).scope, set()).add((method, path))
-    assert by_scope["ingest"] == {("POST", "/object-states")}
+    assert by_scope["ingest"] == {("POST", "/object-states"), ("POST", "/maps/{name}/states")}
     assert {path.split("/")[1] for _, path in by_scope["admin"]} <= {"tokens", "webhooks", "metrics"}
     assert {each for each in by_scope["read"] if each[0] != "GET"} == {
         ("POST", "/rules/dry-run"),
+        ("POST", "/rule-templates/{name}/text"),
         ("POST", "/maps/{name}/rules/check"),
         ("POST", "/maps/{name}/operators/{operator}"),
     }
@@ -168,7 +170,8 @@ def test_a_list_has_what_is_on_the_maps_of_a_token(building: Building) -> None:
 
 @pytest.mark.parametrize("path", SOCKETS)
 @pytest.mark.parametrize(
-    ("token", "code"), [(None, 4401), ("wrong", 4401), ("revoked", 4401), ("read", None)]
+    ("token", "code"),
+    [(None, 4401), ("wrong", 4401), ("revoked", 4401), ("read", None), ("write", None), ("ingest", None)],
 )
 def test_a_socket_asks_for_a_token(
     building: Building, path: str, token: str | None, code: int | None
@@ -177,7 +180,9 @@ def test_a_socket_asks_for_a_token(
     if token is not None:
         offered.append(f"bearer.{building.service.tokens[token]}")
     url = building.service.socket_url(filled(path))
-    with connect(url, subprotocols=offered) as socket:
+    if code is None and SOCKETS[path] == "ingest" != token:
+        code = 4403
+    with connect(f"{url}?source=tags", subprotocols=offered) as socket:
         assert socket.subprotocol == "semap"
         first = json.loads(socket.recv(timeout=PATIENCE_S))
         if code is None:

@@ -55,6 +55,22 @@ def test_a_token_is_shown_once_and_kept_as_a_hash(building: Building) -> None:
         assert admin.delete(where).status_code == 204
 
 
+def test_a_token_tells_what_it_allows(building: Building) -> None:
+    service = building.service
+    for kind, scopes in (
+        ("read", ["read"]),
+        ("write", ["read", "write"]),
+        ("admin", ["read", "write", "ingest", "admin"]),
+    ):
+        with service.client(kind) as client:
+            assert client.get("/caller").json() == {"name": kind, "scopes": scopes, "maps": None}
+    with service.client("annex") as client:
+        told = client.get("/caller").json()
+        assert (told["scopes"], told["maps"]) == (["read", "write", "ingest"], ["annex"])
+    with service.client() as client:
+        assert client.get("/caller").status_code == 401
+
+
 def test_that_a_token_is_used_is_written_once_a_minute(building: Building) -> None:
     service = building.service
     secret = service.add_token("busy", "read")

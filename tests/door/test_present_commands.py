@@ -11,6 +11,8 @@ from semap_service.cli import commands
 from typer.testing import CliRunner
 from world import World
 
+from semap.errors import NotFound
+
 
 @pytest.fixture
 def plan(world: World) -> DoorPlan:
@@ -34,7 +36,8 @@ def test_doors_are_shown_with_state_and_angle(plan: DoorPlan) -> None:
     assert line.split()[8:10] == ["85.0", "0.6"]
     (told,) = json.loads(run(plan.world, "door", "list", "--json"))
     assert (told["door"], told["state"], told["angle_deg"]) == ("gate", "open", pytest.approx(85))
-    assert json.loads(run(plan.world, "door", "list", "--map", "elsewhere", "--json")) == []
+    with pytest.raises(NotFound, match=r"There is no map elsewhere\."):
+        run(plan.world, "door", "list", "--map", "elsewhere", "--json")
 
 
 def test_tracks_and_their_amendments_are_shown(world: World) -> None:

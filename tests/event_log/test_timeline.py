@@ -16,7 +16,7 @@ from world import SECOND_US, World
 from semap.errors import InvalidInput, NotFound
 from semap.model.event_log import Lane, Mark, Stay
 from semap.picture.timeline import MOST_DRAWN, MOST_LANES, draw_timeline
-from semap.store.database.connection import connect
+from semap.store.database.connection import one_transaction
 from semap.store.event.event_log import Selection, lanes, log_entries
 
 DAY_US = 1_767_225_600 * SECOND_US
@@ -57,7 +57,7 @@ def scene(world: World) -> World:
 
 
 def test_lanes_say_what_held_and_what_happened(scene: World) -> None:
-    with connect(scene.dsn) as connection:
+    with one_transaction(scene.dsn) as connection:
         found = lanes(connection, Selection(scene.name, at(0), at(11)))
         assert found == (
             Lane(
@@ -74,7 +74,7 @@ def test_lanes_say_what_held_and_what_happened(scene: World) -> None:
 
 
 def test_entries_in_order_of_time_or_case_by_case(scene: World) -> None:
-    with connect(scene.dsn) as connection:
+    with one_transaction(scene.dsn) as connection:
         entries = list(log_entries(connection, Selection(scene.name)))
         assert [(e.type, e.stamp, e.track, e.instance, e.concept) for e in entries] == [
             ("opened_then_entered", at(2), "ann", "den", "Room"), ("entered", at(2), "ann", "den", "Room"),

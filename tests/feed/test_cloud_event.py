@@ -6,9 +6,10 @@ import pytest
 from cloudevents.core.formats.json import JSONFormat
 from cloudevents.core.v1.event import CloudEvent
 from jsonschema import Draft202012Validator
-from semap_service.documents.cloud_event import CloudEventDocument, cloud_event, cloud_event_json
-from semap_service.documents.event import event_json
+from semap_service.documents.cloud_event import CloudEventDocument
 from stored import STAMP, stored
+
+from semap.store.event.cloud_event import cloud_event, cloud_event_json, event_json
 
 SCHEMA = "http://127.0.0.1:8000/schemas/event"
 EVENTS = {

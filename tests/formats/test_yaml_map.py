@@ -364,6 +364,11 @@ def test_all_entries_and_names_that_are_wrong_are_told_at_once(tmp_path: Path) -
         ("romos: {}", "no key 'romos'"),
         ("semap_map: 9", "version 9"),
         ("instances: {i: {colour: red}}", "no key 'colour'"),
+        ("  last: {footprint: [[0, 0], [4, 3], [4, 0], [0, 3]]}", "crosses itself"),
+        ("  last: {footprint: [[0, 0], [4, 0]]}", "3 or more are needed"),
+        ("  last: {footprint: [[0, 0], [4, 0], [.nan, 3]]}", ".nan is not finite"),
+        ("doors: {d: {between: [room 1, rom 1]}}", "no instance 'rom 1'"),
+        ("things: {t: {concept: A, 'on': 7}}", "no frame '7'"),
     ],
 )
 def test_a_large_file_that_is_wrong_near_its_end_is_refused_before_its_lists_are_read(
@@ -395,6 +400,49 @@ def test_a_large_file_is_read_as_a_small_one(text: str, is_attribute: bool) -> N
                 return None
 
     assert read(0) == read(10**9)
+
+
+POINTS = st.sampled_from(
+    ["[0, 0]", "[4, 0]", "[4., 3]", "[.5, +3e0]", "[0, 1e999]", "[0, 01]", "[1, 2, 3]", "[]"]
+)
+NAMES = st.sampled_from(["r0", "r1", "1", "2", "nowhere"])
+
+
+@st.composite
+def outlines(draw: st.DrawFn) -> str:
+    def listed(parts: st.SearchStrategy[str], least: int, most: int) -> st.SearchStrategy[str]:
+        return st.lists(parts, min_size=least, max_size=most).map(lambda each: f"[{', '.join(each)}]")
+
+    square = st.sampled_from(
+        ["[[0, 0], [4, 0], [4, 3], [0, 3]]", "[[1, 1], [2, 1], [2, 2]]", "[[6, 0], [9, 0], [9, 4]]"]
+    )
+    ring = st.one_of(square, square, listed(POINTS, 0, 5))
+    rings = listed(ring, 1, 2)
+    return draw(
+        st.one_of(ring, rings, listed(rings, 1, 2), st.just("[[0, 0], [4, .nan], [4, 3]]"), st.just("7"))
+    )
+
+
+@given(st.lists(outlines(), min_size=1, max_size=3), st.lists(NAMES, min_size=1, max_size=2), NAMES, NAMES)
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+def test_what_is_told_early_of_a_large_file_is_what_is_told_of_a_small_one(
+    areas: list[str], between: list[str], storey: str, parent: str
+) -> None:
+    rooms = "".join(f"  r{n}: {{footprint: {area}, storey: {storey}}}\n" for n, area in enumerate(areas))
+    things = f"things:\n  1: {{concept: A, 'on': {parent}, joins: [{', '.join(between)}]}}\n"
+    full = f"frames: {{map: {{}}, f: {{parent: {parent}}}}}\n"
+    door = f"doors: {{2: {{between: [{', '.join(between)}]}}}}\n"
+
+    def told(limit: int) -> object:
+        with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+            patch.setattr(yaml_node, "LARGE_BYTES", limit)
+            (Path(folder) / "map.yaml").write_text(f"map: m\n{full}rooms:\n{rooms}{door}{things}")
+            try:
+                return content(read_map(Path(folder)))
+            except InvalidInput as error:
+                return str(error).replace(folder, "")
+
+    assert told(0) == told(10**9)
 
 
 def test_aliases_repeat_a_little_and_bombs_are_refused() -> None:

@@ -17,13 +17,13 @@ import psycopg
 import pytest
 from editing import QUERY
 from patience import any_moment, moment
-from semap_service.operations.doctor.verification import verify
 from server import SETTINGS, reachable_folder
 from test_kill import LOGS, Run, begin
 
 from semap.cluster import Cluster
 from semap.errors import SemapError
 from semap.store.database.connection import connect
+from semap.store.operate.doctor.verification import verify
 
 KILLS = int(os.environ.get("SEMAP_KILLS", "25"))
 PACE = os.environ.get("SEMAP_KILL_PACE", "2")
@@ -38,7 +38,7 @@ TOLD = LOGS | {
     f" from semap.relation_change where query_name <> '{QUERY}' order by query_name, track_name, instance_name, change_id",
     "relations": "select q.name, t.name, i.name, n.since from semap.relation n join semap.continuous_query q using (query_id)"
     " join semap.track t using (track_id) join semap.instance i using (instance_id)"
-    f" where q.name <> '{QUERY}' order by 1, 2, 3",
+    f" where n.confirmed and q.name <> '{QUERY}' order by 1, 2, 3",
     "past": "select query_name, track_name, instance_name, since, until from semap.relation_past"
     f" where query_name <> '{QUERY}' order by 1, 2, 4, 3, 5",
 }

@@ -46,8 +46,12 @@ def test_each_option_is_explained(name: str) -> None:
 
 def told() -> list[tuple[str, str]]:
     """Every `semap ...` that the doctor and the pages on operating tell somebody to type."""
-    doctor = CHECKOUT / "service/semap_service/operations/doctor"
-    pages = [*doctor.glob("*.py"), CHECKOUT / "docs/operations.md", CHECKOUT / "docs/configuration.md"]
+    checks = CHECKOUT / "semap/store/operate/doctor", CHECKOUT / "service/semap_service/operations/doctor"
+    pages = [
+        *(file for folder in checks for file in folder.glob("*.py")),
+        CHECKOUT / "docs/operations.md",
+        CHECKOUT / "docs/configuration.md",
+    ]
     return [
         (page.name, call)
         for page in pages

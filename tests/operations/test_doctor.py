@@ -11,31 +11,32 @@ from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
 
-import psycopg
 import pytest
 import shapely
 import shapely.geometry
 from rule_work import running_worker
-from semap_service.operations.doctor import machine_checks, server_checks
-from semap_service.operations.doctor.content_checks import CONTENT_CHECKS
+from semap_service.operations.doctor import machine_checks
 from semap_service.operations.doctor.examination import (
     DATABASE_CHECKS,
     examine,
     examine_database,
     examine_machine,
 )
-from semap_service.operations.doctor.finding import DatabaseCheck, Level
-from semap_service.operations.doctor.flow_checks import FLOW_CHECKS
 from semap_service.operations.doctor.machine_checks import MACHINE_CHECKS
 from server import fresh_database
+from sqlalchemy import Connection, text
 
 from semap.cluster import Cluster
 from semap.formats.geojson import parse_geojson
 from semap.model.continuous_query import Declaration, Side
-from semap.store.database.connection import connect, one_transaction
+from semap.store.database.connection import connect, one_session, one_transaction, own_session
 from semap.store.map.building import import_building
 from semap.store.map.maps import create_map
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.doctor import server_checks
+from semap.store.operate.doctor.content_checks import CONTENT_CHECKS
+from semap.store.operate.doctor.finding import DatabaseCheck, Level
+from semap.store.operate.doctor.flow_checks import FLOW_CHECKS
+from semap.store.operate.rule_slot import ensure_slot
 from semap.store.relation.queries import add_query
 
 CHECKS = {check.name: check for check in DATABASE_CHECKS}
@@ -61,6 +62,10 @@ GIVEN_UP = (
     "update semap.progress set watermarks = watermarks || jsonb_build_object('given_up', jsonb_build_object(rule_id::text,"
     " jsonb_build_object('version', 1, 'attempts', 12, 'first', '2026-01-31T12:00:00+00:00', 'key', '{\"track\": \"ann\"}'::jsonb)))"
     " from semap.rule"
+)
+BRIDGE = (
+    "insert into semap.bridge (map_id, name, kind, state, trouble, dropped, refused, told_at)"
+    " select map_id, 'robot', 'ros2', 'waiting', {} from semap.map"
 )
 JOB = (
     "insert into semap.job (kind, file, created_by, created_at) values"
@@ -95,6 +100,10 @@ BROKEN = [
     ("rules", [MAP, RULE, FAILED], Level.WRONG, "out of force: office/visits", "semap rule replace"),
     ("rules", [MAP, RULE, GIVEN_UP], Level.WARN, "office/visits: it gave up 12 attempts, as more than 10,000 were under way in"
      " one key; events that begin at 2026-01-31T12:00:00Z or later may be missing (first of track ann)", "window"),
+    ("bridges", [MAP, BRIDGE.format("'peer: away', 0, 0, now()")], Level.WRONG, "office/robot waits: peer: away", "log"),
+    ("bridges", [MAP, BRIDGE.format("'', 0, 0, now() - interval '1 h'")], Level.WRONG, "does not run", "semap bridge"),
+    ("bridges", [MAP, BRIDGE.format("'', 7, 0, now()")], Level.WARN, "dropped 7 records", "queue"),
+    ("bridges", [MAP, BRIDGE.format("'', 0, 5, now()")], Level.WARN, "refused 5 records", "semap bridge check"),
     ("late rows", [MAP, LATE_ROW], Level.WARN, "1 rows came after their watermark", "replay-late"),
     ("shapes", [MAP, ROOM], Level.WRONG, "no valid area: office/bow", "again"),
     ("partitions", ["insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
@@ -117,34 +126,40 @@ BROKEN = [
 
 
 @pytest.fixture(scope="module")
-def patient(cluster: Cluster, template: str) -> Iterator[psycopg.Connection]:
+def hospital(cluster: Cluster, template: str) -> Iterator[Connection]:
     """A database that is broken again and again; what a test does to it is rolled back."""
-    with fresh_database(cluster, template) as dsn, connect(dsn) as connection:
-        ensure_slot(connection)
-        yield connection
+    with fresh_database(cluster, template) as dsn, one_session(dsn) as engine:
+        with connect(dsn) as plain:
+            ensure_slot(plain)
+        with engine.connect() as connection:
+            yield connection
 
 
-def test_states_of_a_day_without_a_partition_are_told(patient: psycopg.Connection) -> None:
-    with patient.transaction(force_rollback=True):
-        check = next(each for each in CONTENT_CHECKS if each.name == "partitions")
-        assert list(check.look(patient)) == []
-        patient.execute(
-            "insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
-            " values (1, '2026-01-31Z', '2026-01-31Z', 1, '{1}', '{0}', '{0}')"
-        )
-        assert [trouble.message for trouble in check.look(patient)] == [
-            "rows of state_chunk lie in its default partition, and are slower to find"
-        ]
+@pytest.fixture
+def patient(hospital: Connection) -> Iterator[Connection]:
+    yield hospital
+    hospital.rollback()
+
+
+def test_states_of_a_day_without_a_partition_are_told(patient: Connection) -> None:
+    check = next(each for each in CONTENT_CHECKS if each.name == "partitions")
+    assert list(check.look(patient)) == []
+    patient.exec_driver_sql(
+        "insert into semap.state_chunk (source_id, from_stamp, to_stamp, states, track_ids, x_m, y_m)"
+        " values (1, '2026-01-31Z', '2026-01-31Z', 1, '{1}', '{0}', '{0}')"
+    )
+    assert [trouble.message for trouble in check.look(patient)] == [
+        "rows of state_chunk lie in its default partition, and are slower to find"
+    ]
 
 
 @pytest.mark.parametrize(("name", "breaking", "level", "message", "remedy"), BROKEN)
 def test_what_is_broken_is_named(
-    patient: psycopg.Connection, name: str, breaking: list[str], level: Level, message: str, remedy: str
+    patient: Connection, name: str, breaking: list[str], level: Level, message: str, remedy: str
 ) -> None:
-    with patient.transaction(force_rollback=True):
-        for statement in breaking:
-            patient.execute(statement)
-        found = list(examine(CHECKS[name], patient))
+    for statement in breaking:
+        patient.execute(text(statement))
+    found = list(examine(CHECKS[name], patient))
     assert [each.level for each in found] == [level]
     assert message in found[0].message
     assert remedy in found[0].remedy
@@ -172,11 +187,11 @@ def test_a_door_drawn_as_a_line_can_be_crossed_and_not_be_stood_in(database: str
         add_query(
             connection, "flat", Declaration("through", "crosses", Side("track"), door, abstraction="Line")
         )
-    with connect(database) as connection:
+    with own_session(database) as connection:
         assert [each.level for each in examine(CHECKS["shapes"], connection)] == [Level.OK]
     with one_transaction(database) as connection:
         add_query(connection, "flat", Declaration("in_door", "contains", Side("track"), door))
-    with connect(database) as connection:
+    with own_session(database) as connection:
         [found] = examine(CHECKS["shapes"], connection)
     assert found.message.startswith("instances that the query in_door watches")
     assert found.message.endswith("flat/door")
@@ -187,8 +202,8 @@ def test_all_is_well_where_it_is_and_a_lost_slot_is_told(database: str) -> None:
         found = list(examine_database(database))
     assert [each.check for each in found] == ["database", *CHECKS]
     assert {each.message for each in found if each.level != Level.OK} == set()
-    with connect(database) as connection:
-        connection.execute("select pg_drop_replication_slot(semap.rule_slot())")
+    with own_session(database) as connection:
+        connection.exec_driver_sql("select pg_drop_replication_slot(semap.rule_slot())")
         [lost] = examine(CHECKS["slot"], connection)
     assert (lost.level, lost.message) == (Level.WRONG, "the rule worker's replication slot is missing")
     assert "semap db resync" in lost.remedy
@@ -196,17 +211,20 @@ def test_all_is_well_where_it_is_and_a_lost_slot_is_told(database: str) -> None:
 
 def test_other_slots_and_open_transactions(database: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_checks, "LONG_TRANSACTION", "0 s")
-    monkeypatch.setattr("semap_service.operations.doctor.flow_checks.BEHIND_BYTES", -1)
-    with connect(database) as connection, connect(database, application="sleeper", autocommit=False) as other:
+    monkeypatch.setattr("semap.store.operate.doctor.flow_checks.BEHIND_BYTES", -1)
+    with (
+        own_session(database) as connection,
+        connect(database, application="sleeper", autocommit=False) as other,
+    ):
         other.execute("select 1")
         [found] = [each for each in examine(CHECKS["transactions"], connection) if "sleeper" in each.message]
         assert f"pg_terminate_backend({other.info.backend_pid})" in found.remedy
-        name = f"left_{connection.info.backend_pid}"
-        connection.execute("select pg_create_physical_replication_slot(%s, true)", [name])
+        name = f"left_{other.info.backend_pid}"
+        connection.exec_driver_sql("select pg_create_physical_replication_slot(%s, true)", (name,))
         try:
             said = [each.remedy for each in examine(CHECKS["other slots"], connection)]
         finally:
-            connection.execute("select pg_drop_replication_slot(%s)", [name])
+            connection.exec_driver_sql("select pg_drop_replication_slot(%s)", (name,))
     assert any(f"pg_drop_replication_slot('{name}')" in each for each in said)
 
 
@@ -215,7 +233,7 @@ def test_a_server_that_is_not_as_needed(database: str, monkeypatch: pytest.Monke
         server_checks, "examine", lambda _: [("wal_level = logical (it is replica)", "ALTER SYSTEM")]
     )
     monkeypatch.setattr(server_checks, "CLOCKS_APART_S", -1)
-    with connect(database) as connection:
+    with own_session(database) as connection:
         [server] = examine(CHECKS["server"], connection)
         [clock] = examine(CHECKS["clocks"], connection)
     assert (server.level, server.remedy) == (Level.WRONG, "ALTER SYSTEM")
@@ -224,18 +242,18 @@ def test_a_server_that_is_not_as_needed(database: str, monkeypatch: pytest.Monke
 
 def test_a_role_that_is_gone_or_not_ours(database: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_checks, "ROLES", ("semap_read", "semap_gone"))
-    with connect(database) as connection:
+    with own_session(database) as connection:
         [found] = examine(CHECKS["roles"], connection)
     assert "semap_gone" in found.message
     assert "migrate" in found.remedy
 
 
 def test_a_check_that_cannot_be_made_does_not_stop_the_others(database: str) -> None:
-    def fails(connection: psycopg.Connection) -> list:
-        connection.execute("select 1 / 0 as password")
+    def fails(connection: Connection) -> list:
+        connection.exec_driver_sql("select 1 / 0 as password")
         return []
 
-    with connect(database) as connection:
+    with own_session(database) as connection:
         [found] = examine(DatabaseCheck("odd", "", fails), connection)
         assert found.level == Level.WARN
         assert "could not be looked at" in found.message

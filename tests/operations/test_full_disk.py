@@ -19,16 +19,19 @@ from patience import PATIENCE_S, until
 from rule_work import running_worker
 from semap_ingest.replay import Plan, replay
 from semap_ingest.track_file import Tracks
-from semap_service.operations.readiness import lacks
 from server import reachable_folder
+from sqlalchemy import Engine
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect, one_transaction
+from semap.store.database.connection import connect, open_engine
+from semap.store.operate.readiness import lacks
 from semap.store.operate.schema import migrate
 
 ROOM_MB = 96
 NO_ROOM = "No space left on device"
+NO_CONNECTION = "could not write init file"
+"""What the server says to who comes new, where its cache of the catalogue was out of date when the disk was full."""
 
 
 @dataclass
@@ -79,14 +82,21 @@ def walk(states: int) -> Tracks:
 
 
 def said(caplog: pytest.LogCaptureFixture, logger: str) -> list[str]:
-    return [
-        each.getMessage() for each in caplog.records if each.name == logger and NO_ROOM in each.getMessage()
-    ]
+    told = [each.getMessage() for each in caplog.records if each.name == logger]
+    return [each for each in told if NO_ROOM in each or NO_CONNECTION in each]
+
+
+def lacking(service: Engine) -> dict[str, str]:
+    """What the service lacks, asked over a connection that it has."""
+    with service.begin() as connection:
+        return dict(lacks(connection, feed_connected=True))
 
 
 def test_a_full_disk_is_told_and_waited_for(small_disk: SmallDisk, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     world = World(small_disk.dsn)
+    service = open_engine(small_disk.dsn, "semap_read", size=1)
+    lacking(service)
     world.add_room("room", shapely.box(-1, -1, 4.5, 4))
     plan = Plan("world", "walk", "walk.csv", "f1", batch_size=2000)
     tracks = walk(60_000)
@@ -107,8 +117,7 @@ def test_a_full_disk_is_told_and_waited_for(small_disk: SmallDisk, caplog: pytes
     with running_worker(small_disk.dsn):
         until(lambda: bool(said(caplog, "semap.worker.rule_worker")))
         assert said(caplog, "semap.worker.rule_worker")[0].startswith("Changes wait to become events: ")
-        with one_transaction(small_disk.dsn, "semap_read") as connection:
-            lack = dict(lacks(connection, feed_connected=True))
+        lack = lacking(service)
         small_disk.make_room()
         assert NO_ROOM in lack["database"]
         assert "worker" in lack
@@ -121,4 +130,5 @@ def test_a_full_disk_is_told_and_waited_for(small_disk: SmallDisk, caplog: pytes
                 == world.one("select count(*) from semap.relation_change")
             )
         )
+    service.dispose()
     world.connection.close()

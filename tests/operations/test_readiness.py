@@ -8,10 +8,10 @@ import subprocess
 import sys
 
 from patience import until
-from semap_service.operations.readiness import SILENT_S, lacks, read_state
 from world import World
 
 from semap.store.database.connection import one_transaction
+from semap.store.operate.readiness import SILENT_S, lacks, read_state
 
 BACK = "update semap.progress set alive_at = clock_timestamp() - make_interval(secs => %s)"
 

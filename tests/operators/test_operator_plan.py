@@ -124,3 +124,33 @@ def test_a_kept_plan_uses_the_index_too(town: psycopg.Connection) -> None:
             assert "abstraction_footprint" in {node.get("Index Name") for node in found}
     finally:
         town.execute("reset plan_cache_mode")
+
+
+MANY = "array(select 5000 + n::bigint from generate_series(1, 30) n)"
+BOX = "semap.box_3d({0}, {0}, {0}, {0} + 2, {0} + 2, {0} + 1)"
+ONCE = {
+    "semap.rcc8(st_makeenvelope(0, 0, 2, 2), st_makeenvelope(1, 1, 3, 3))": "st_relate",
+    f"semap.volume_3d({BOX.format(0)})": "st_xmin",
+    f"semap.distances({MANY}, {MANY})": "st_shortestline",
+    f"semap.within_range({MANY}, {MANY}, p_max_m => 1000, p_abstraction => 'BoundingHull')": "gap_3d",
+    f"semap.relate({MANY}, {MANY}, 'T********')": "st_relate",
+    f"semap.rcc8_relations({MANY}, {MANY}, array['PO'])": "rcc8",
+}
+"""By call: a function that is asked once for each of its rows."""
+
+
+@pytest.mark.parametrize("call", ONCE)
+def test_what_several_terms_ask_for_is_computed_once(town: psycopg.Connection, call: str) -> None:
+    """`offset 0` keeps what is in a subquery from being computed wherever it is asked for."""
+    town.execute("set track_functions = 'all'")
+    with town.transaction(force_rollback=True):
+        town.execute(
+            "update semap.abstraction set geometry = st_expand(geometry, 1)"
+            " where type = 'Footprint' and instance_id between 5001 and 5030"
+        )
+        rows = len(town.execute(f"select * from {call}").fetchall())
+        found = town.execute(
+            "select calls from pg_stat_xact_user_functions where funcname = %s", [ONCE[call]]
+        ).fetchone()
+    assert found is not None
+    assert rows <= found[0] <= 1.1 * rows + 1

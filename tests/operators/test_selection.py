@@ -25,9 +25,10 @@ from semap.cql2.check import TEMPORAL
 from semap.errors import InvalidInput
 from semap.model.building import Item, Storey
 from semap.model.pose import Pose
+from semap.model.selection import Selection
 from semap.store.database.connection import one_transaction
 from semap.store.map.concept import Concept, change_concept, create_concept
-from semap.store.map.selection import Selection, selected, selected_ids
+from semap.store.map.selection import selected, selected_ids
 
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
 IRI = "https://brickschema.org/schema/Brick#Room"

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 import psycopg
 import pytest
 import shapely
-from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
+from semap.store.operate.doctor.verification import verify
 from semap.timeline.stamp import to_datetime
 
 STEP_US = 100_000

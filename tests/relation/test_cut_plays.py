@@ -11,11 +11,11 @@ import pytest
 import shapely
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
-from semap_service.operations.doctor.verification import verify
 from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
+from semap.store.operate.doctor.verification import verify
 from semap.timeline.stamp import to_datetime
 
 SETTINGS = settings(

@@ -6,14 +6,14 @@ import random
 
 import pytest
 import shapely
-from semap_service.operations.doctor.verification import verify
 from stateful_oracle import Asked, Sample
-from test_error_ellipse import WITHIN, covariance_of, in_real, share_inside
+from test_107_error_ellipse import WITHIN, covariance_of, in_real, share_inside
 from world import SECOND_US, World
 
 from semap.store.database.connection import open_engine
 from semap.store.motion import moment, track_history
 from semap.store.motion.tracks import get_track
+from semap.store.operate.doctor.verification import verify
 from semap.timeline.stamp import to_datetime
 
 PRESENT = "select x_m, std_m, std_across_m, std_yaw_rad from semap.track_place where track_id = %s"
@@ -118,7 +118,7 @@ def test_the_doctor_follows_ellipses_too(world: World, seed: int) -> None:
                 track, [sample(step, x_m, 0.5, 0.5 * dice.choice([0, 0.1, 1]), dice.uniform(-2, 2))]
             )
     world.run("select pg_drop_replication_slot(semap.rule_slot())")
-    assert world.one("select count(*) from semap.debounce_state") > 3
+    assert world.one("select count(*) from semap.relation where raw <> pending or pending <> confirmed") > 3
     verification = verify(world.dsn, lambda said: None)
     with verification.connection:
         assert [each for each in verification.look("world") if each.differ] == []

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import shapely
 from data_sets import data_set
-from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
+
+from semap.store.operate.doctor.verification import verify
 
 STANDING = """
     select track_name, instance_name, (extract(epoch from stamp) * 1000000)::bigint, direction

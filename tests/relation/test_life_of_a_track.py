@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import psycopg
 import pytest
 import shapely
+from patience import PATIENCE_S, until
 from world import SECOND_US, World
+
+from semap.store.database.connection import connect
 
 ROOM = shapely.box(0, 0, 4, 4)
 
@@ -82,3 +87,37 @@ def test_days_get_partitions_of_their_own(world: World) -> None:
     days = [f"{year}-{month:02d}-01" for year in range(1900, 1950) for month in range(1, 13)]
     world.run("select semap.ensure_partitions(%s::date[])", days)
     assert world.one("select count(*) from pg_inherits where inhparent = 'semap.state_chunk'::regclass") == 4
+
+
+WAITS = "select from pg_locks where not granted"
+INSERT = "insert into semap.track_state values (%s, '2026-01-03 12:00Z', 1, 1)"
+
+
+def test_a_state_of_a_day_whose_partition_comes_meanwhile_is_taken(world: World) -> None:
+    """It is in the partition, though its writer began before that was there."""
+    track = world.add_track("t")
+    with connect(world.dsn) as maker, connect(world.dsn) as writer, ThreadPoolExecutor() as pool:
+        maker.execute("begin")
+        maker.execute("select semap.ensure_partitions(array[date '2026-01-03'])")
+        writing = pool.submit(writer.execute, INSERT, [track])
+        until(lambda: world.rows(WAITS))
+        maker.execute("commit")
+        writing.result(PATIENCE_S)
+    assert world.rows("select tableoid::regclass::text from semap.state_chunk") == [
+        ("semap.state_chunk_20260103",)
+    ]
+
+
+def test_no_partition_is_made_beside_a_writer_who_does_not_end(world: World) -> None:
+    """Nothing is left of it, and others write meanwhile."""
+    days = "select semap.ensure_partitions(array[date '2026-01-03', '2026-01-04'])"
+    ours, other = world.add_track("ours"), world.add_track("other", source_id=world.add_source("other"))
+    with connect(world.dsn) as writer:
+        writer.execute("begin")
+        writer.execute(INSERT, [ours])
+        assert world.one(days) is False
+        world.run(INSERT.replace("03", "04"), other)
+        writer.execute("commit")
+    assert world.rows("select from pg_class where relname ~ 'chunk_2026'") == []
+    assert world.one(days) is True
+    assert world.one("select sum(states)::int from semap.state_chunk_default") == 2

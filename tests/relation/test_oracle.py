@@ -112,7 +112,7 @@ def _play(world: World, oracle: Oracle, ids: dict[str, int], steps: list) -> Non
             ((name, *_),) = what
             stamp = now_us // 2 + 1
             before = world.rows(STATE_BEFORE, stamp, ids[name], stamp)
-            # one that stands where it stood corrects nothing: tests/relation/test_late_states.py has the others
+            # one that stands where it stood corrects nothing: tests/relation/test_139_late_state.py has the others
             if before and name not in said_to_end and not before[0][0]:
                 world.add_states([(ids[name], stamp, *before[0][1:])])
         elif kind == "edit":

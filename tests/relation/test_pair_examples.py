@@ -174,7 +174,7 @@ def test_a_query_begins_with_what_holds(town_of) -> None:
     }  # fmt: skip
     town.world.run("delete from semap.continuous_query where query_id = %s", town.query_id)
     assert town.held() == set()
-    for table in ("pair", "pair_query", "pair_instance"):
+    for table in ("relation", "pair_query", "pair_instance"):
         assert town.world.rows(f"select from semap.{table} where query_id = %s", town.query_id) == []
     for each in ("Ann", "Bob"):
         other = "Bob" if each == "Ann" else "Ann"
@@ -203,7 +203,7 @@ def test_a_map_that_goes_takes_its_pairs_along(town_of) -> None:
         seen(town, name, 1, 0, 0)
     assert len(town.held()) == 2
     town.world.run("delete from semap.map where map_id = %s", town.world.map_id)
-    for table in ("pair", "pair_instance", "followed_state", "relation_change", "relation_past"):
+    for table in ("relation", "pair_instance", "followed_state", "relation_change", "relation_past"):
         assert town.world.rows(f"select from semap.{table} where map_id = %s", town.world.map_id) == []
     town.oracle = PairOracle(town.oracle.asked)
 

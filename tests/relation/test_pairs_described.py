@@ -8,11 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from pair_oracle import Question, Thing
 from pair_town import Town
-from semap_service.operations.doctor.verification import verify
 from test_concurrency import PATIENCE_S, await_lock
 from world import SECOND_US, World
 
 from semap.store.database.connection import connect
+from semap.store.operate.doctor.verification import verify
 
 NEAR = Question("within_distance", distance_m=2.0)
 
@@ -101,7 +101,7 @@ def test_who_is_nearest_of_two_is_said_by_the_identity_that_they_have_now(databa
         town.track(name)
         move(town, name, 1, x)
     nearest = (
-        "select o.name from semap.pair p join semap.track s using (track_id)"
+        "select o.name from semap.relation p join semap.track s using (track_id)"
         " join semap.track o on o.track_id = object_track_id where confirmed and s.name = 'a'"
     )
     for last, first in (("b", "c"), ("c", "b"), ("b", "c")):
@@ -124,7 +124,7 @@ def test_a_concept_that_moves_takes_the_pairs_of_its_tracks_with_it(town: Town, 
     world.run("update semap.track set concept_id = %s where name = 'a'", forklift)
     world.run(f"update semap.continuous_query set {side}_concept_id = %s where in_pairs", vehicle)
     before = len(told(world))
-    assert world.one("select count(*) from semap.pair") == 0
+    assert world.one("select count(*) from semap.relation") == 0
     pair = ("a", "b") if side == "subject" else ("b", "a")
     for came, went in ((2, 3), (4, 5)):
         world.run("insert into semap.concept_parent values (%s, %s)", forklift, vehicle)

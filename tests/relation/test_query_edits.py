@@ -64,10 +64,12 @@ def test_a_room_that_is_edited_forgets_who_was_at_its_boundary(inside: World) ->
     inside.ask(Asked(enter_margin_m=0.3, leave_margin_m=0.3))
     (b,) = inside.rows("select track_id from semap.track where name = 'b'")[0]
     inside.add_states([(b, 5 * SECOND_US, 4.2, 2.0, None)])
-    assert inside.rows("select confirmed, pending, raw from semap.debounce_state") == [(True, True, False)]
+    assert inside.rows("select confirmed, pending, raw from semap.relation where track_id = %s", b) == [
+        (True, True, False)
+    ]
     inside.edit_room("room", shapely.box(0, 0, 4.1, 4))
     assert told(inside)[2:] == [("b", "ended", "map", 5)]
-    assert inside.rows("select from semap.debounce_state") == []
+    assert inside.rows("select from semap.relation where track_id = %s", b) == []
 
 
 def test_a_query_is_about_the_tracks_that_it_says(inside: World) -> None:

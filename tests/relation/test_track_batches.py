@@ -11,10 +11,10 @@ import pytest
 import shapely
 from patience import until
 from semap_ingest.track_batch import pack_batch, send_batch
-from semap_service.operations.doctor.verification import verify
 from world import SECOND_US, World
 
 from semap.store.database.connection import connect
+from semap.store.operate.doctor.verification import verify
 from semap.timeline.stamp import to_datetime
 from semap.worker.settling import settling
 

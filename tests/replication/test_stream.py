@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import shapely
+from patience import until
 from world import SECOND_US, World
 
 from semap.errors import ServerUnavailable, SlotLost
@@ -22,6 +23,14 @@ def receive(stream: ReplicationStream, count: int) -> list[Transaction]:
         assert more, f"only {len(got)} of {count} transactions came"
         got.extend(more)
     return got
+
+
+def close(stream: ReplicationStream, world: World) -> None:
+    """Ends when the server has noticed, so that another may read."""
+    stream.close()
+    until(
+        lambda: not world.one("select active from pg_replication_slots where slot_name = semap.rule_slot()")
+    )
 
 
 def test_transactions_come_in_the_order_of_their_commits_and_again_until_acknowledged(world: World) -> None:
@@ -44,12 +53,12 @@ def test_transactions_come_in_the_order_of_their_commits_and_again_until_acknowl
         ("began", "t", "room"),
         ("ended", "t", "room"),
     ]
-    stream.close()
+    close(stream, world)
 
     again = open_stream(world.dsn, slot, PUBLICATIONS, start)
     assert receive(again, 4)[-1] == changes
     again.acknowledge(changes.end_lsn)
-    again.close()
+    close(again, world)
     world.run("update semap.rule set enabled = false")
     after = open_stream(world.dsn, slot, PUBLICATIONS, start)
     (disabled,) = receive(after, 1)

@@ -288,11 +288,12 @@ def read(shift: Shift, dice: random.Random, counts: dict[str, int]) -> None:
         while not shift.is_over():
             with connection.transaction():
                 strange = connection.execute(
-                    "select track_id from semap.relation"
+                    "select track_id from semap.relation where not in_pairs"
                     " except select track_id from semap.track_now where live"
                 ).fetchall()
                 strange += connection.execute(
-                    "select key from semap.pair cross join unnest(array[subject_key, object_key]) key where key > 0"
+                    "select key from semap.relation cross join unnest(array[subject_key, object_key]) key"
+                    " where in_pairs and key > 0"
                     " except select track_id from semap.followed_state"
                 ).fetchall()
             assert strange == []

@@ -27,10 +27,10 @@ from busy_building import (
     write,
     write_frames,
 )
-from semap_service.operations.doctor.verification import verify
 from world import World
 
 from semap.errors import Conflict
+from semap.store.operate.doctor.verification import verify
 from semap.worker.correcting import correcting
 from semap.worker.settling import settling
 

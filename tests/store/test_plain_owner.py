@@ -11,7 +11,7 @@ from server import SETTINGS, reachable_folder
 from shapely import box
 
 from semap.cluster import lease
-from semap.store.database.connection import connect
+from semap.store.database.connection import connect, one_transaction
 from semap.store.operate.preflight import ROLES, examine
 from semap.store.operate.schema import is_current, migrate
 
@@ -31,7 +31,7 @@ def owned() -> Iterator[str]:
 
 
 def test_nothing_is_missing_and_migrating_again_changes_nothing(owned: str) -> None:
-    with connect(owned) as connection:
+    with one_transaction(owned) as connection:
         assert examine(connection) == []
         assert is_current(connection)
     assert not migrate(owned).behaviour_changed

@@ -8,9 +8,11 @@ import pytest
 from psycopg.conninfo import make_conninfo
 from psycopg.sql import SQL, Identifier
 from server import SETTINGS, fresh_database, reachable_folder
+from sqlalchemy import Connection
 
 from semap.cluster import Cluster, lease
 from semap.errors import ServerUnfit
+from semap.store.database.connection import one_transaction
 from semap.store.operate.preflight import ROLES, examine, require_fit
 
 
@@ -51,8 +53,8 @@ def roles(dsn: str, **attributes: str) -> Iterator[None]:
 
 
 def found(dsn: str, role: str = "postgres") -> list[tuple[str, str]]:
-    with psycopg.connect(make_conninfo(dsn, user=role)) as session:
-        return examine(session)
+    with one_transaction(make_conninfo(dsn, user=role)) as connection:
+        return examine(connection)
 
 
 def name_of(dsn: str) -> str:
@@ -62,8 +64,8 @@ def name_of(dsn: str) -> str:
 
 def test_a_superuser_lacks_nothing(database: str) -> None:
     assert found(database) == []
-    with psycopg.connect(database) as session:
-        require_fit(session)
+    with one_transaction(database) as connection:
+        require_fit(connection)
 
 
 def test_everything_a_plain_role_lacks_is_said_at_once(database: str) -> None:
@@ -87,10 +89,10 @@ def test_everything_a_plain_role_lacks_is_said_at_once(database: str) -> None:
         ]
         assert found(database, "Ada L.") == expected
         with (
-            psycopg.connect(make_conninfo(database, user="Ada L.")) as session,
+            one_transaction(make_conninfo(database, user="Ada L.")) as connection,
             pytest.raises(ServerUnfit) as unfit,
         ):
-            require_fit(session)
+            require_fit(connection)
         assert unfit.value.findings == tuple(expected)
 
 
@@ -196,8 +198,8 @@ def test_semaps_own_slot_is_no_obstacle() -> None:
 
 
 def test_an_old_server_is_not_asked_for_the_rest() -> None:
-    old = SimpleNamespace(info=SimpleNamespace(server_version=140011))
-    assert examine(cast(psycopg.Connection, old)) == [
+    old = SimpleNamespace(dialect=SimpleNamespace(server_version_info=(14, 11)))
+    assert examine(cast(Connection, old)) == [
         (
             "PostgreSQL 15 or newer (this is 14)",
             "Upgrade the server to PostgreSQL 15 or newer.",

@@ -11,9 +11,14 @@ from patience import PATIENCE_S
 
 from semap.errors import DatabaseError, ServerUnavailable
 from semap.schema_files import schema_folder
-from semap.store.database.connection import connect
+from semap.store.database.connection import connect, one_transaction
 from semap.store.operate import schema
 from semap.store.operate.schema import head_version, is_current, migrate, require_current
+
+
+def current(dsn: str) -> bool:
+    with one_transaction(dsn) as connection:
+        return is_current(connection)
 
 
 def test_several_at_once_make_one_schema(empty_database: str) -> None:
@@ -21,8 +26,8 @@ def test_several_at_once_make_one_schema(empty_database: str) -> None:
         done = list(pool.map(migrate, [empty_database] * 3))
     assert sorted(m.version_before or "" for m in done) == ["", head_version(), head_version()]
     assert sum(m.behaviour_changed for m in done) == 1
+    assert current(empty_database)
     with connect(empty_database) as connection:
-        assert is_current(connection)
         slots = connection.execute(
             "select count(*) from pg_replication_slots where database = current_database()"
         )
@@ -30,7 +35,10 @@ def test_several_at_once_make_one_schema(empty_database: str) -> None:
 
 
 def test_an_empty_database_is_told_to_migrate(empty_database: str) -> None:
-    with connect(empty_database) as connection, pytest.raises(DatabaseError, match="no schema") as told:
+    with (
+        one_transaction(empty_database) as connection,
+        pytest.raises(DatabaseError, match="no schema") as told,
+    ):
         require_current(connection)
     assert "semap db migrate" in told.value.remedy
 
@@ -40,7 +48,7 @@ def test_a_newer_database_is_left_alone(database: str) -> None:
         connection.execute("update semap.schema_version set version_num = '9999'")
         with pytest.raises(DatabaseError, match="9999"):
             migrate(database)
-        assert not is_current(connection)
+        assert not current(database)
 
 
 def test_behaviour_that_was_changed_by_hand_or_by_a_version_is_applied_again(database: str) -> None:
@@ -74,7 +82,7 @@ def test_a_function_of_an_earlier_version_does_not_live_on(database: str) -> Non
         )
         assert connection.execute("select count(*) from public.mine").fetchone() == (0,)
         assert connection.execute(triggers).fetchall() == before
-        assert is_current(connection)
+        assert current(database)
 
 
 def test_tables_in_use_hold_up_a_migration_and_it_nobody(
@@ -89,7 +97,7 @@ def test_tables_in_use_hold_up_a_migration_and_it_nobody(
         with patch.object(schema, "ATTEMPTS", 2), pytest.raises(ServerUnavailable, match="in use") as told:
             migrate(database)
         assert "semap db migrate" in told.value.remedy
-        assert not is_current(reader)
+        assert not current(database)
 
         migrating = pool.submit(migrate, database)
         reader.execute("set statement_timeout = '1s'")
@@ -98,7 +106,7 @@ def test_tables_in_use_hold_up_a_migration_and_it_nobody(
         assert not migrating.done()
         holder.execute("commit")
         assert migrating.result(timeout=PATIENCE_S).behaviour_changed
-        assert is_current(reader)
+        assert current(database)
 
 
 def test_versions_are_those_of_alembic() -> None:

@@ -10,13 +10,13 @@ import pytest
 import shapely
 from pair_oracle import Question
 from pair_town import Town
-from semap_service.operations.doctor.verification import verify
 from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.doctor.verification import verify
+from semap.store.operate.rule_slot import ensure_slot
 
 WIDE = shapely.box(0, 0, 4, 4)
 QUESTIONS = {
@@ -102,7 +102,7 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
 OF_MAP = "map_id = (select map_id from semap.map where name = '{}')"
 INSTANCE = "(instance_id, query_id, is_object) = (select instance_id, query_id, is_object from semap.pair_instance where {} limit 1)"
 TRACK = "track_id = (select min(track_id) from semap.followed_state where {})"
-ONE_PAIR = "pair_id = (select min(pair_id) from semap.pair where confirmed and {})"
+ONE_PAIR = "ctid = (select min(ctid) from semap.relation where in_pairs and confirmed and {})"
 
 
 def one_of(map_name: str, of: str = TRACK) -> str:
@@ -122,31 +122,32 @@ SIDES = """(
 
 HELD = ("near", "with margins", "nearest", "nearest track", "facing", "contains", "on", "intersects")
 BROKEN = {
-    **{f"a pair that is gone: {name}": (name, f"delete from semap.pair where {held(name)}", {"log", "pairs"})
+    **{f"a pair that is gone: {name}": (name, f"delete from semap.relation where {held(name)}", {"log", "pairs"})
        for name in HELD if name != "with margins"},
     **{f"a pair too many: {name}": (
         name,
-        "insert into semap.pair (map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id, confirmed, since,"
-        " pending, pending_at) select s.map_id, s.query_id, s.track_id, s.instance_id, o.instance_id, o.track_id, true, now(),"
-        f" true, now() from {SIDES} s join {SIDES} o on o.query_id = s.query_id and o.is_object"
-        f" and o.key <> s.key where not s.is_object and s.{OF_MAP.format(name)} and not exists (select from semap.pair p"
-        " where p.query_id = s.query_id and p.subject_key = s.key and p.object_key = o.key) order by 2, st_distance(s.place,"
+        "insert into semap.relation (in_pairs, map_id, query_id, track_id, subject_instance_id, instance_id, object_track_id,"
+        " confirmed, since, pending, pending_at, raw, raw_at) select true, s.map_id, s.query_id, s.track_id, s.instance_id,"
+        f" o.instance_id, o.track_id, true, now(), true, now(), true, now() from {SIDES} s join {SIDES} o on o.query_id = s.query_id and o.is_object"
+        f" and o.key <> s.key where not s.is_object and s.{OF_MAP.format(name)} and not exists (select from semap.relation p"
+        " where p.query_id = s.query_id and p.subject_key = s.key and p.object_key = o.key) order by 3, st_distance(s.place,"
         " o.place) desc limit 1", {"log", "pairs"}) for name in ("near", "with margins", "nearest", "in front", "contains")},
-    "one that stands on no side": ("near", f"update semap.pair set pending = false where {held('near')}", {"pairs"}),
+    "one that stands on no side": ("near", f"update semap.relation set pending = false where {held('near')}", {"pairs"}),
     "one that should be confirmed": (
-        "confirmed", "update semap.pair set confirmed = false, since = null where "
+        "confirmed", "update semap.relation set confirmed = false, since = null where "
         + held("confirmed"), {"pairs", "log"}),
-    "a wrong since": ("near", f"update semap.pair set since = since - interval '1 s' where {held('near')}", {"log"}),
+    "a wrong since": ("near", f"update semap.relation set since = since - interval '1 s' where {held('near')}", {"log"}),
     "one of who ended": (
-        "near", "insert into semap.pair (map_id, query_id, track_id, object_track_id, confirmed, since, pending, pending_at)"
-        " select q.map_id, q.query_id, s.track_id, o.track_id, true, now(), true, now() from semap.continuous_query q"
+        "near", "insert into semap.relation (in_pairs, map_id, query_id, track_id, object_track_id, confirmed, since, pending,"
+        " pending_at, raw, raw_at) select true, q.map_id, q.query_id, s.track_id, o.track_id, true, now(), true, now(), true,"
+        " now() from semap.continuous_query q"
         " join semap.map m on m.map_id = q.map_id and m.name = 'near' join semap.track s on s.map_id = q.map_id and"
         " s.name = 'a' join semap.track o on o.map_id = q.map_id and o.name = 'f' where q.in_pairs", {"pairs", "log"}),
     "what approaches is not followed": (
-        "approaching", f"delete from semap.pair where not confirmed and {OF_MAP.format('approaching')}", {"pairs"}),
+        "approaching", f"delete from semap.relation where not confirmed and {OF_MAP.format('approaching')}", {"pairs"}),
     "a line that is held": (
-        "crosses", "insert into semap.pair (map_id, query_id, track_id, instance_id, confirmed, since, pending) select s.map_id,"
-        f" s.query_id, s.track_id, o.instance_id, true, now(), true from {SIDES} s join {SIDES} o"
+        "crosses", "insert into semap.relation (in_pairs, map_id, query_id, track_id, instance_id, confirmed, since, pending, raw)"
+        f" select true, s.map_id, s.query_id, s.track_id, o.instance_id, true, now(), true, true from {SIDES} s join {SIDES} o"
         f" using (query_id) where not s.is_object and o.is_object and s.{OF_MAP.format('crosses')} limit 1",
         {"pairs", "log"}),
     "no place": ("near", f"delete from semap.followed_state where {one_of('near')}", {"pair members"}),
@@ -171,7 +172,7 @@ BROKEN = {
         f" where t.name = 'f' and t.{OF_MAP.format('near')}", {"pair members"}),
     "a track that is elsewhere": (
         "near", "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from"
-        f" semap.pair where confirmed and {OF_MAP.format('near')})",
+        f" semap.relation where confirmed and {OF_MAP.format('near')})",
         {"presents", "pair members", "pairs"}),
     "a change too few": (
         "near", "delete from semap.relation_change where change_id = (select max(change_id) from semap.relation_change where"
@@ -190,7 +191,7 @@ BROKEN = {
         " object_track_id, object_track_name, kind, cause, stamp, transition_at, since, amendment, retracts)"
         " select gen_random_uuid(), map_id, query_id, query_name, track_id, track_name, object_track_id, object_track_name,"
         " kind, cause, stamp, transition_at, since, 'retracted', uid from semap.relation_change where change_id ="
-        " (select max(c.change_id) from semap.relation_change c join semap.pair p on p.confirmed and p.query_id = c.query_id"
+        " (select max(c.change_id) from semap.relation_change c join semap.relation p on p.confirmed and p.query_id = c.query_id"
         " and p.track_id = c.track_id and p.object_track_id = c.object_track_id where c.kind = 'began' and"
         f" c.{OF_MAP.format('near')})", {"log", "pair history"}),
     "a crossing too few": (
@@ -207,7 +208,7 @@ def test_what_was_walked_is_right(broken: World) -> None:
     assert differing(broken.dsn) == {}
     counts = dict(
         broken.rows(
-            "select m.name, count(*) from semap.pair p join semap.map m using (map_id) where confirmed group by 1"
+            "select m.name, count(*) from semap.relation p join semap.map m using (map_id) where confirmed group by 1"
         )
     )
     assert set(HELD) | {"confirmed", "in front"} <= set(counts), "so that there is something to be looked at"
@@ -229,7 +230,7 @@ def test_what_is_broken_is_named_and_mended(broken: World, name: str) -> None:
 def test_what_goes_on_after_a_repair_is_right(broken: World) -> None:
     broken.run("delete from semap.pair_instance")
     broken.run("delete from semap.followed_state")
-    broken.run("delete from semap.pair")
+    broken.run("delete from semap.relation")
     assert set(differing(broken.dsn)) == set(QUESTIONS)
     assert differing(broken.dsn, repair=True) == {}
     dice = random.Random(5)
@@ -246,10 +247,10 @@ def test_what_goes_on_after_a_repair_is_right(broken: World) -> None:
 def test_a_repair_tells_what_changed(broken: World) -> None:
     """A pair that is gone from the table and stands in the log has not ended for anybody; one that is in neither begins."""
     before = broken.one("select max(change_id) from semap.relation_change")
-    broken.run(f"delete from semap.pair where {held('near')}")
+    broken.run(f"delete from semap.relation where {held('near')}")
     differing(broken.dsn, repair=True)
     assert broken.one("select count(*) from semap.relation_change where change_id > %s", before) == 0
-    broken.run("with gone as (delete from semap.pair where confirmed and " + OF_MAP.format("near") + " returning *)"
+    broken.run("with gone as (delete from semap.relation where confirmed and " + OF_MAP.format("near") + " returning *)"
                " delete from semap.relation_change c using gone g where c.kind = 'began' and c.query_id = g.query_id and"
                " c.track_id = g.track_id and c.object_track_id = g.object_track_id and c.transition_at = g.since")  # fmt: skip
     before = broken.one("select max(change_id) from semap.relation_change")
@@ -257,7 +258,7 @@ def test_a_repair_tells_what_changed(broken: World) -> None:
     with verification.connection:
         list(verification.look("near"))
         repaired = list(verification.repair())
-    count = broken.one("select count(*) from semap.pair where confirmed and " + OF_MAP.format("near"))
+    count = broken.one("select count(*) from semap.relation where confirmed and " + OF_MAP.format("near"))
     assert [each.crossings for each in repaired] == [count]
     assert broken.rows("select kind::text, cause::text, count(*) from semap.relation_change where change_id > %s group by 1, 2",
                        before) == [("began", "map", count)]  # fmt: skip

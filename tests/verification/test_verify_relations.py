@@ -8,17 +8,22 @@ import random
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import timedelta
+from itertools import count
+from typing import Any
 
 import pytest
 import shapely
-from semap_service.operations.doctor.verification import verify
 from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
+from semap.errors import Conflict
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.doctor import verification as verification_module
+from semap.store.operate.doctor.verification import COMPARISONS, Verified, verify
+from semap.store.operate.rule_slot import ensure_slot
 
 ROOMS = {f"r{n}": shapely.box(4 * n, 0, 4 * n + 4, 4) for n in range(4)}
 QUERIES = {
@@ -100,49 +105,56 @@ def broken(cluster: Cluster, walked: str) -> Iterator[World]:
         world.close()
 
 
-OF = " from semap.region r where n.region_id = r.region_id and r.query_name = '{}'"
-ONE_RELATION = "ctid = (select n.ctid from semap.relation n join semap.region r using (region_id) where r.query_name = '{}' limit 1)"
+ONE_RELATION = "ctid = (select n.ctid from semap.relation n join semap.region r using (query_id, instance_id) where r.query_name = '{}' and n.confirmed limit 1)"
+UNSETTLED = "(raw <> pending or pending <> confirmed)"
 PLAIN, STATEFUL = ONE_RELATION.format("track_in_room"), ONE_RELATION.format("near")
 
 BROKEN = {
     "a relation is gone": (f"delete from semap.relation where {PLAIN}", {"plain relations", "held", "log"}),
     "a stateful relation is gone": (f"delete from semap.relation where {STATEFUL}", {"stateful relations", "held", "log"}),
     "a relation too many": (
-        "insert into semap.relation select t.track_id, r.region_id, r.query_id, r.instance_id, r.map_id, now()"
+        "insert into semap.relation (track_id, query_id, instance_id, map_id, confirmed, since, pending, raw)"
+        " select t.track_id, r.query_id, r.instance_id, r.map_id, true, now(), true, true"
         " from semap.region r join semap.track_now t on t.live and st_distance(r.footprint, st_point(t.x_m, t.y_m)) > 3"
         " where r.query_name = 'track_in_room' limit 1", {"plain relations", "held", "log"}),
     "a relation of nothing": (
-        "insert into semap.relation select track_id, -1, -1, -1, map_id, now() from semap.track_now limit 1",
+        "insert into semap.relation (track_id, query_id, instance_id, map_id, confirmed, since, pending, raw)"
+        " select track_id, -1, 1, map_id, true, now(), true, true from semap.track_now limit 1",
         {"plain relations", "log"}),
     "a wrong since": (f"update semap.relation set since = since - interval '1 s' where {PLAIN}", {"log"}),
     "wrong regions of a present": (
         "update semap.track_now set region_ids = region_ids || -1 where track_id = (select min(track_id) from semap.track_now)",
         {"held"}),
     "a wrong place": (
-        "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from semap.relation)",
+        "update semap.track_now set x_m = x_m + 30 where track_id = (select min(track_id) from semap.relation where confirmed)",
         {"presents", "plain relations", "stateful relations"}),
     "an old place": (
         "update semap.track_now t set stamp = s.stamp, x_m = s.x_m, y_m = s.y_m from semap.stored_state s"
         " where s.track_id = t.track_id and s.stamp = '1970-01-01 00:00:21Z'"
-        " and t.track_id = (select min(track_id) from semap.relation)", {"presents"}),
+        " and t.track_id = (select min(track_id) from semap.relation where confirmed)", {"presents"}),
     "a track that should live": (
-        "update semap.track_now set live = false where track_id = (select min(track_id) from semap.relation)",
+        "update semap.track_now set live = false where track_id = (select min(track_id) from semap.relation where confirmed)",
         {"presents", "plain relations", "stateful relations"}),
     "a cell too few": (
         "delete from semap.region_cell where ctid = (select min(ctid) from semap.region_cell)", {"grid"}),
     "an edge of another place": (
         "update semap.region_edge set x_min_m = x_min_m - 1 where ctid = (select min(ctid) from semap.region_edge)", {"grid"}),
     "a region too few": (
-        "delete from semap.region where region_id = (select min(region_id) from semap.relation)",
+        "delete from semap.region where region_id = (select min(region_id) from semap.region join semap.relation using (query_id, instance_id))",
         {"regions", "plain relations", "held"}),
     "a region of another shape": (
         "update semap.region set footprint = st_translate(footprint, 1, 0) where query_name = 'track_in_room'",
         {"regions", "grid", "plain relations"}),
     "a track that is not chosen": (
         "delete from semap.query_track where track_id = (select min(track_id) from semap.query_track)", {"subjects"}),
-    "a debounce state that says otherwise": (
-        "update semap.debounce_state set raw = not raw where ctid = (select min(ctid) from semap.debounce_state)", {"stateful relations"}),
-    "no debounce state": ("delete from semap.debounce_state", {"stateful relations"}),
+    "what is seen is otherwise": (
+        f"update semap.relation set raw = not raw where ctid = (select min(ctid) from semap.relation where {UNSETTLED})",
+        {"stateful relations"}),
+    "nothing is remembered": (f"delete from semap.relation where not confirmed and {UNSETTLED}", {"stateful relations"}),
+    "a plain relation that waits": (
+        "update semap.relation n set confirmed = false, since = null where ctid = (select min(n.ctid) from semap.relation n"
+        " join semap.region r using (query_id, instance_id) where r.query_name = 'track_in_room')",
+        {"plain relations", "held", "log"}),
     "a change too few": (
         "delete from semap.relation_change where change_id ="
         " (select max(change_id) from semap.relation_change where kind = 'ended' and cause = 'moved')", {"log", "past"}),
@@ -158,7 +170,7 @@ BROKEN = {
 
 
 def test_what_was_walked_is_right(broken: World) -> None:
-    assert broken.one("select count(*) from semap.debounce_state") > 3
+    assert broken.one("select count(*) from semap.relation where " + UNSETTLED) > 3
     assert broken.one("select count(*) from semap.relation_change where cause = 'map'") > 3
     verification = verify(broken.dsn, lambda said: None)
     with verification.connection:
@@ -200,7 +212,7 @@ def test_a_repair_tells_what_changed(broken: World) -> None:
     broken.run("set session_replication_role = replica")
     broken.run("update semap.abstraction set geometry = st_translate(geometry, 100, 0)")
     broken.run("set session_replication_role = origin")
-    held = broken.one("select count(*) from semap.relation")
+    held = broken.one("select count(*) from semap.relation where confirmed")
     differing(broken.dsn, repair=True)
     assert broken.rows("select kind::text, cause::text, count(*) from semap.relation_change where change_id > %s group by 1, 2",
                        before) == [("ended", "map", held)]  # fmt: skip
@@ -248,7 +260,7 @@ def doctor(dsn: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_for_people_and_programs(broken: World) -> None:
     broken.run("delete from semap.relation where ctid = (select n.ctid from semap.relation n join semap.region r using"
-               " (region_id) join semap.track t using (track_id) where r.query_name = 'track_in_room' order by t.name limit 1)")  # fmt: skip
+               " (query_id, instance_id) join semap.track t using (track_id) where r.query_name = 'track_in_room' order by t.name limit 1)")  # fmt: skip
     said = doctor(broken.dsn)
     assert said.returncode == 1, said.stderr
     assert "wrong  world  relations against footprints and heights: " in said.stdout
@@ -259,3 +271,68 @@ def test_for_people_and_programs(broken: World) -> None:
     assert mended["ok"] is True
     assert mended["repaired"] == [{"map_name": "world", "crossings": 0}]
     assert doctor(broken.dsn, "--map", "nowhere").returncode not in (0, 1)
+
+
+REFUSE = """
+    create function public.refuse() returns trigger language plpgsql as $$
+    begin
+      if old.source_id = {} then
+        raise exception 'This map is broken.';
+      end if;
+      return old;
+    end $$;
+    create trigger refuse before delete on semap.late_state for each row execute function public.refuse();
+"""
+
+
+def test_a_map_that_cannot_be_corrected_is_told_and_the_others_are_looked_at(world: World) -> None:
+    with closing(World(world.dsn, "another")) as other:
+        world.run(REFUSE.format(world.source_id))
+        for each in (world, other):
+            each.add_room("room", shapely.box(0, 0, 4, 4))
+            track = each.add_track("ann")
+            for at_s, x_m in ((1, 9), (9, 9), (4, 1)):
+                each.run("insert into semap.track_state (track_id, stamp, x_m, y_m)"
+                         " values (%s, to_timestamp(%s), %s, 1)", track, at_s, x_m)  # fmt: skip
+        other.run("delete from semap.region_cell where map_id = %s", other.map_id)
+        said = doctor(world.dsn, "--repair")
+        assert said.returncode == 1, said.stderr
+        told = [line for line in said.stdout.splitlines() if "  world  " in line]
+        late = "wrong  world  late states that are not corrected: 1 looked at, 1 differ"
+        assert told == 2 * [f"{late} (nothing else of this map is compared until it is)"]
+        assert "since its correction fails: This map is broken." in said.stdout
+        assert "wrong  another  cells and edges against their regions: " in said.stdout
+        assert "repaired  another: 0 relations began or ended by it" in said.stdout
+        world.run("drop trigger refuse on semap.late_state")
+    assert differing(world.dsn) == {}
+
+
+@pytest.mark.parametrize("is_again", [False, True], ids=["once", "again and again"])
+def test_queries_that_are_removed_meanwhile(
+    broken: World, monkeypatch: pytest.MonkeyPatch, is_again: bool
+) -> None:
+    """A condition is a function, which a snapshot does not keep."""
+    verification = verify(broken.dsn, lambda said: None)
+    removed = count()
+
+    def remove() -> None:
+        broken.run("delete from semap.continuous_query where subject_where is not null")
+        if is_again:
+            add_query(broken, f"about {next(removed)}", **QUERIES["about"])
+
+    def compare(*named: Any) -> Verified:
+        if named[3].name == "subjects" and (is_again or not next(removed)):
+            remove()
+        return compared(*named)
+
+    compared = verification_module._compare
+    monkeypatch.setattr(verification_module, "_compare", compare)
+    with verification.connection:
+        if is_again:
+            with pytest.raises(Conflict, match="removed each of 5 times"):
+                list(verification.look(None))
+        else:
+            found = list(verification.look(None))
+            names = [each.name for each in COMPARISONS]
+            assert [each.name for each in found] == [*names, "stateful relations"]
+            assert {each.name for each in found if each.differ} == set()

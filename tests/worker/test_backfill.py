@@ -57,7 +57,7 @@ class Writer(Thread):
         self.batches = 0
 
     def run(self) -> None:
-        while not self.enough.is_set() or self.batches < 12:
+        while not self.enough.is_set() or self.batches < 40:
             self.batch()
 
     def batch(self) -> None:

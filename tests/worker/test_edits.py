@@ -13,7 +13,7 @@ from world import World
 
 from semap.rules.language.reading import parse_declaration
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 from semap.worker import progress
 from semap.worker.late_replay import Replay, replay_late
 from semap.worker.past import dry_run

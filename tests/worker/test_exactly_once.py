@@ -13,7 +13,7 @@ from test_backfill import RULES, should_be
 from world import World
 
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 from semap.worker.resync import resync
 
 MAP_EDITS: Mapping[str, object] = {

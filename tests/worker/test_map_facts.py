@@ -93,8 +93,13 @@ def test_a_door_is_in_the_rooms_that_it_joins_and_a_room_in_itself(world: World)
     scene = DoorScene(world)
     with connect(world.dsn) as connection:
         facts = load_map_facts(connection)
-    west = {"room": "west", "room_id": scene.west_id, "neighbours": ["east"]}
-    east = {"room": "east", "room_id": scene.east_id, "neighbours": ["west"]}
+    (west_uid,), (east_uid,) = world.rows(
+        "select concat(m.uid, '/', i.uid) from semap.instance i join semap.map m using (map_id)"
+        " where i.instance_id = any (%s) order by i.name = 'east'",
+        [scene.west_id, scene.east_id],
+    )
+    west = {"room": "west", "room_id": scene.west_id, "room_uid": west_uid, "neighbours": ["east"]}
+    east = {"room": "east", "room_id": scene.east_id, "room_uid": east_uid, "neighbours": ["west"]}
     gate, room = facts.of(scene.door_id), facts.of(scene.west_id)
     assert gate is not None
     assert room is not None

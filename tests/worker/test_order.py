@@ -18,7 +18,7 @@ from world import World
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 
 SECONDS = 24
 TRACKERS = {"near": ("ann", "bob"), "far": ("eve", "joe")}

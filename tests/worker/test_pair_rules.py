@@ -15,7 +15,7 @@ from world import World
 from semap.rules.engine.rule import Rule
 from semap.rules.language.reading import parse_declaration
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 from semap.worker.history_rows import Span, history_rows
 from semap.worker.map_facts import load_map_facts
 from semap.worker.past import dry_run

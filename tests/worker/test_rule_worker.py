@@ -14,7 +14,7 @@ from world import SECOND_US, World
 from semap.errors import Conflict, ServerUnavailable, SlotLost
 from semap.replication.pgoutput import parse_lsn
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 from semap.timeline.stamp import to_datetime
 from semap.worker.progress import Made, Progress, commit_progress
 from semap.worker.resync import resync

@@ -6,18 +6,19 @@ refuses a write that skips a stage; without one it has the rights of the DSN's o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 
 import psycopg
 from psycopg import errors, sql
 from sqlalchemy import Connection, Engine, create_engine, text
-from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.pool import NullPool
 
 from semap.errors import (
     Conflict,
     DatabaseError,
+    InUse,
     InvalidInput,
     NotFound,
     NotPermitted,
@@ -28,8 +29,6 @@ from semap.errors import (
 
 CONNECT_TIMEOUT_S = 10
 MOST_NAMES = 10
-DRIVER = PGDialect_psycopg()  # type: ignore[no-untyped-call]  # of a library without types there
-"""For statements that psycopg is given as texts."""
 
 
 def connect(
@@ -45,6 +44,7 @@ def connect(
             autocommit=True,
             application_name=application,
             connect_timeout=CONNECT_TIMEOUT_S,
+            client_encoding="UTF8",  # else a database without an encoding has no texts
             # a look-up over many partitions looks dear, and is over long before it would be compiled
             options="-c timezone=UTC -c datestyle=ISO -c jit=off",
         )
@@ -99,6 +99,27 @@ def one_session(dsn: str, role: str | None = None, *, application: str = "semap"
         engine.dispose()
 
 
+def own_session(
+    dsn: str, role: str | None = None, *, application: str = "semap", statement_s: int | None = None
+) -> Connection:
+    """An SQLAlchemy connection with its own session until it is closed; each statement commits.
+
+    statement_s  a statement that takes longer is cancelled; None: no limit
+    raises       ServerUnavailable if the server does not answer
+    """
+    engine = create_engine(
+        "postgresql+psycopg://",
+        creator=lambda: connect(dsn, role, application=application),
+        poolclass=NullPool,
+        isolation_level="AUTOCOMMIT",
+    )
+    with translated():
+        connection = engine.connect()
+        if statement_s is not None:
+            connection.execute(text(f"set statement_timeout = '{statement_s}s'"))
+    return connection
+
+
 @contextmanager
 def one_transaction(dsn: str, role: str | None = None, *, application: str = "semap") -> Iterator[Connection]:
     """An SQLAlchemy connection in a transaction of its own: committed at the end, or nothing."""
@@ -108,6 +129,36 @@ def one_transaction(dsn: str, role: str | None = None, *, application: str = "se
         engine.begin() as connection,
     ):
         yield connection
+
+
+def is_open(connection: Connection) -> bool:
+    """Whether a session of its own, and with it what it holds, is still there."""
+    if connection.closed or connection.invalidated:
+        return False
+    try:
+        connection.execute(text("select 1"))
+    except DBAPIError:
+        return False
+    return True
+
+
+def driver_of(connection: Connection) -> psycopg.Connection:
+    """The driver's connection, in the same transaction: for what follows the log, asked about the past."""
+    driver = connection.connection.driver_connection
+    assert isinstance(driver, psycopg.Connection)  # noqa: S101  (the only driver there is)
+    return driver
+
+
+def canceller(connection: Connection, within_s: float) -> Callable[[], None]:
+    """What cancels from another thread the statement that runs here."""
+    driver = driver_of(connection)
+
+    def cancel() -> None:
+        if not driver.closed:
+            with suppress(psycopg.Error):
+                driver.cancel_safe(timeout=within_s)
+
+    return cancel
 
 
 def see_one_state(connection: Connection) -> None:
@@ -155,7 +206,7 @@ def _translation(error: psycopg.Error, parameters: object = None) -> SemapError:
         case errors.UndefinedTable() | errors.InvalidSchemaName() | errors.UndefinedFunction():
             return DatabaseError(message, "The schema is missing or out of date: run `semap db migrate`.")
         case errors.SerializationFailure() | errors.DeadlockDetected() | errors.LockNotAvailable():
-            return ServerUnavailable(message, "Try again.")
+            return InUse(message, "Try again.")
         case psycopg.OperationalError() | errors.AdminShutdown():
             return ServerUnavailable(
                 message, remedy or "See that the server runs and that SEMAP_DSN is right."

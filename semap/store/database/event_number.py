@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import psycopg
 from sqlalchemy import Connection, func, literal_column, select
 
-from semap.store.database.connection import DRIVER, translated
+from semap.store.database.connection import translated
 from semap.store.database.tables import event, event_count, map_, progress
 
-_NEWEST = select(
+NEWEST = select(
     func.greatest(
         select(func.max(progress.c.event_seq)).scalar_subquery(),
         select(func.max(event.c.seq)).scalar_subquery(),
         literal_column("0"),
     )
 )
-_NEWEST_OF_MAPS = select(map_.c.name, event_count.c.newest).join(
+NEWEST_OF_MAPS = select(map_.c.name, event_count.c.newest).join(
     event_count, event_count.c.map_id == map_.c.map_id
-)
-_NEWEST_TEXT, _NEWEST_OF_MAPS_TEXT = (
-    str(each.compile(dialect=DRIVER)) for each in (_NEWEST, _NEWEST_OF_MAPS)
 )
 
 
@@ -28,16 +24,8 @@ def newest_event(connection: Connection, of_map: str | None = None) -> int:
 
     of_map  by the numbers of this map, and not by those of all
     """
-    newest = _NEWEST
+    newest = NEWEST
     if of_map is not None:
-        newest = _NEWEST_OF_MAPS.with_only_columns(event_count.c.newest).where(map_.c.name == of_map)
+        newest = NEWEST_OF_MAPS.with_only_columns(event_count.c.newest).where(map_.c.name == of_map)
     with translated():
         return int(connection.execute(newest).scalar_one_or_none() or 0)
-
-
-def take_newest(connection: psycopg.Connection) -> tuple[int, dict[str, int]]:
-    """The same for those who take events: by the numbers of all maps, and by those of each."""
-    with translated():
-        of_maps: dict[str, int] = dict(connection.execute(_NEWEST_OF_MAPS_TEXT).fetchall())
-        row = connection.execute(_NEWEST_TEXT).fetchone()
-    return int(row[0]) if row else 0, of_maps

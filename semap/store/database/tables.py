@@ -106,6 +106,7 @@ rule_given_up = Table(
     Column("attempts", BigInteger),
     Column("first", STAMP),
     Column("key", JSONB),
+    Column("matches", BigInteger),
 )
 
 VIEWS = (track_place, rule_given_up)

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-import psycopg
-from psycopg.rows import class_row
+from sqlalchemy import Connection, text
 
-from semap.errors import NotFound
 from semap.model.event_log import Entry, Lane, Mark, Stay
 from semap.store.database.connection import translated
+from semap.store.map.maps import map_id_of
 
 PAGE = 5_000
 
@@ -24,39 +23,39 @@ ENTRIES = """
     left join semap.instance i using (instance_id)
     left join semap.concept c using (concept_id)
     left join semap.event_amendment a using (event_id)
-    where e.map_id = %(map_id)s
-      and (%(start)s::timestamptz is null or e.stamp >= %(start)s)
-      and (%(end)s::timestamptz is null or e.stamp < %(end)s)
-      and (%(rules)s::text[] is null or e.rule_name = any (%(rules)s))
-      and (%(standing)s or a.verdict is null or a.verdict = 'confirmed')
+    where e.map_id = :map_id
+      and (cast(:start as timestamptz) is null or e.stamp >= :start)
+      and (cast(:end as timestamptz) is null or e.stamp < :end)
+      and (cast(:rules as text[]) is null or e.rule_name = any (:rules))
+      and (:standing or a.verdict is null or a.verdict = 'confirmed')
 """
 ORDERS = {None: "e.stamp, e.seq", "instance": "e.instance_id, e.instance_name, e.stamp, e.seq",
           "track": "e.track_id, e.track_name, e.stamp, e.seq"}  # fmt: skip
 
 # which track was in what: of a pair, such as who faces a table, neither is in the other
-STAYS = """
+STAYS = text("""
     select p.instance_id, p.instance_name, p.track_name, p.since, p.until as stamp
     from semap.relation_past p
-    where p.map_id = %(map_id)s and tstzrange(p.since, p.until, '[]') && tstzrange(%(start)s, %(end)s)
+    where p.map_id = :map_id and tstzrange(p.since, p.until, '[]') && tstzrange(:start, :end)
       and p.track_id is not null and p.instance_id is not null
       and not exists (select from semap.continuous_query q where q.query_id = p.query_id and q.in_pairs)
     union all
     select n.instance_id, n.instance, n.track, n.since, null
     from semap.relation_now n join semap.continuous_query q using (query_id)
-    where n.map_id = %(map_id)s and n.since < %(end)s and not q.in_pairs
+    where n.map_id = :map_id and n.since < :end and not q.in_pairs
     order by instance_name, since, track_name
-"""
-OBJECT_STAYS = """
+""")
+OBJECT_STAYS = text("""
     select instance_id, instance_name, value, stamp, until
     from (
       select instance_id, instance_name, property, value, stamp,
              lead(stamp) over (partition by instance_id, property order by stamp) as until
       from semap.object_state
-      where map_id = %(map_id)s and stamp < %(end)s and previous is distinct from value
+      where map_id = :map_id and stamp < :end and previous is distinct from value
     ) s
-    where (until is null or until >= %(start)s) and value = any (%(values)s)
+    where (until is null or until >= :start) and value = any (:values)
     order by instance_name, stamp
-"""
+""")
 
 
 @dataclass(frozen=True)
@@ -73,27 +72,23 @@ class Selection:
     with_retracted: bool = False
 
 
-def log_entries(
-    connection: psycopg.Connection, selection: Selection, case: str | None = None
-) -> Iterator[Entry]:
+def log_entries(connection: Connection, selection: Selection, case: str | None = None) -> Iterator[Entry]:
     """Entries in the order of their stamps; with a case (instance, track) case by case. Not all in memory.
 
     raises NotFound if there is no such map
     """
     parameters = {**_span(connection, selection), "rules": selection.rules and list(selection.rules),
                   "standing": selection.with_retracted}  # fmt: skip
-    with (
-        translated(),
-        connection.transaction(),
-        connection.cursor("event_log", row_factory=class_row(Entry)) as cursor,
-    ):
-        cursor.itersize = PAGE
-        cursor.execute(f"{ENTRIES} order by {ORDERS[case]}", parameters)
-        yield from cursor
+    statement = text(f"{ENTRIES} order by {ORDERS[case]}")
+    with translated():
+        for row in connection.execute(
+            statement, parameters, execution_options={"yield_per": PAGE}
+        ).mappings():
+            yield Entry(**row)
 
 
 def lanes(
-    connection: psycopg.Connection, selection: Selection, open_values: Sequence[str] = ("open",)
+    connection: Connection, selection: Selection, open_values: Sequence[str] = ("open",)
 ) -> tuple[Lane, ...]:
     """The rooms and then the doors of a timeline, by name, with what held in them and their events.
 
@@ -131,24 +126,19 @@ def _lane_of(entry: Entry, names: Mapping[tuple[bool, int], str]) -> tuple[bool,
     return (True, instance_id) if (True, instance_id) in names else (False, instance_id)
 
 
-def span_of(connection: psycopg.Connection, map_name: str) -> tuple[datetime, datetime] | None:
+def span_of(connection: Connection, map_name: str) -> tuple[datetime, datetime] | None:
     """From the first event of a map to its last; None where there is none.
 
     raises NotFound if there is no such map
     """
     wanted = _span(connection, Selection(map_name))
     with translated():
-        row = connection.execute(
-            "select min(stamp), max(stamp) from semap.event where map_id = %(map_id)s", wanted
-        ).fetchone()
-    return (row[0], row[1]) if row is not None and row[0] is not None else None
+        first, last = connection.execute(
+            text("select min(stamp), max(stamp) from semap.event where map_id = :map_id"), wanted
+        ).one()
+    return None if first is None else (first, last)
 
 
-def _span(connection: psycopg.Connection, selection: Selection) -> dict[str, object]:
-    with translated():
-        row = connection.execute(
-            "select map_id from semap.map where name = %s", [selection.map_name]
-        ).fetchone()
-    if row is None:
-        raise NotFound("map", selection.map_name, "List the maps: semap map list.")
-    return {"map_id": row[0], "start": selection.start, "end": selection.end}
+def _span(connection: Connection, selection: Selection) -> dict[str, object]:
+    map_id = map_id_of(connection, selection.map_name)
+    return {"map_id": map_id, "start": selection.start, "end": selection.end}

@@ -14,12 +14,11 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-import psycopg
 from sqlalchemy import Connection, bindparam, func, literal_column, null, select
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 
-from semap.model.event import Evidence
-from semap.store.database.connection import DRIVER, translated
+from semap.model.event import Evidence, TrackAndInstance
+from semap.store.database.connection import translated
 from semap.store.database.event_number import newest_event
 from semap.store.database.tables import (
     abstraction,
@@ -37,7 +36,7 @@ LOOKED_AT = 10_000
 
 
 @dataclass(frozen=True)
-class StoredEvent:
+class StoredEvent(TrackAndInstance):
     """An event with its number, its map by name, and what the batch layer said of it when it was read.
 
     verdict     confirmed, retracted or amended; None where the batch layer has not looked
@@ -156,20 +155,7 @@ def list_events(
         found = found.where(event.c.rule_name == rule_name)
     with translated():
         rows = connection.execute(found, {"after": after, "most": limit}).all()
-    return tuple(_event(row) for row in rows)
-
-
-def take_events(
-    connection: psycopg.Connection, *, after: int, limit: int, placed: bool
-) -> tuple[StoredEvent, ...]:
-    """The same for those who look again and again and for whom others wait: a prepared statement.
-
-    placed  False: all places are None, whose look-up takes a third of the time
-    """
-    text = _PLACED_TEXT if placed else _UNPLACED_TEXT
-    with translated():
-        rows = connection.execute(text, {"after": after, "most": limit}, prepare=True).fetchall()
-    return tuple(_event(row) for row in rows)
+    return tuple(event_of(row) for row in rows)
 
 
 def list_events_between(
@@ -188,9 +174,9 @@ def list_events_between(
     map_id = map_id_of(connection, map_name)
     within = (event.c.map_id == map_id, event.c.stamp >= start, event.c.stamp <= end)
     with translated():
-        found = (_OWN_EVENTS if own else EVENTS).where(*within)
+        found = (OWN_EVENTS if own else EVENTS).where(*within)
         rows = connection.execute(found.order_by(event.c.stamp, event_number.c.number).limit(limit)).all()
-    return tuple(_event(row) for row in rows)
+    return tuple(event_of(row) for row in rows)
 
 
 def numbers_of(connection: Connection, event_ids: Set[UUID]) -> dict[UUID, int]:
@@ -219,7 +205,8 @@ def kept_events(connection: Connection, of_map: str | None = None) -> Kept:
         return Kept(connection.scalar(oldest), newest)
 
 
-def _event(row: Sequence[Any]) -> StoredEvent:
+def event_of(row: Sequence[Any]) -> StoredEvent:
+    """A row of EVENTS."""
     *made, evidence, own_seq = row
     return StoredEvent(*[*made, tuple(_evidence(*each) for each in evidence or ()), own_seq])
 
@@ -286,16 +273,15 @@ EVENTS = (
 NEXT_EVENTS = EVENTS.where(event.c.seq > bindparam("after")).order_by(event.c.seq).limit(bindparam("most"))
 
 # Without the place among the events of all maps, which readers of one map may not even ask for.
-_OWN_EVENTS = EVENTS.with_only_columns(
+OWN_EVENTS = EVENTS.with_only_columns(
     *(event_number.c.number if column is event.c.seq else column for column in EVENTS.selected_columns)
 )
 _NEXT_OWN_EVENTS = (
-    _OWN_EVENTS.where(event_number.c.number > bindparam("after"))
+    OWN_EVENTS.where(event_number.c.number > bindparam("after"))
     .order_by(event_number.c.number)
     .limit(bindparam("most"))
 )
 
-_UNPLACED = NEXT_EVENTS.with_only_columns(
+UNPLACED_EVENTS = NEXT_EVENTS.with_only_columns(
     *(null() if column is _PLACE else column for column in EVENTS.selected_columns)
 )
-_PLACED_TEXT, _UNPLACED_TEXT = (str(each.compile(dialect=DRIVER)) for each in (NEXT_EVENTS, _UNPLACED))

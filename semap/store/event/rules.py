@@ -12,7 +12,7 @@ from datetime import datetime
 from difflib import get_close_matches
 from typing import Any, Protocol
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.model.given_up import GivenUp
@@ -25,6 +25,7 @@ from semap.store.database.tables import (
     rule_given_up,
     rule_version,
 )
+from semap.store.map.history import lock_edits
 from semap.store.map.maps import map_id_of
 from semap.timeline.stamp import EARLIEST, require_usual
 
@@ -221,7 +222,7 @@ def delete_rule(connection: Connection, rule_id: int) -> None:
 def edit_alone(connection: Connection) -> None:
     """Keep everybody else from editing maps and rules until the transaction ends."""
     with translated():
-        connection.execute(select(func.semap.lock_regions_exclusive()))
+        lock_edits(connection)
 
 
 def _require_free(connection: Connection, map_id: int, name: str, replaces: int | None = None) -> None:
@@ -320,6 +321,7 @@ _RULES = (
         rule_given_up.c.attempts,
         rule_given_up.c.first,
         rule_given_up.c.key,
+        rule_given_up.c.matches,
     )
     .join(map_, map_.c.map_id == rule.c.map_id)
     .outerjoin(rule_given_up, rule_given_up.c.rule_id == rule.c.rule_id)

@@ -75,6 +75,12 @@ class Failure:
     status: int | None
 
 
+def take_turn(connection: Connection) -> bool:
+    """Whether nobody else delivers; the turn lasts as long as the session of this connection."""
+    with translated():
+        return bool(connection.scalar(text("select pg_try_advisory_lock(7371, 0)")))
+
+
 def active_webhooks(connection: Connection) -> frozenset[int]:
     with translated():
         return frozenset(connection.scalars(select(webhook.c.webhook_id).where(webhook.c.state == "active")))

@@ -35,7 +35,7 @@ RELATIONS = text("""
     select public.st_asbinary(public.st_convexhull(public.st_collect(public.st_makepoint(n.x_m, n.y_m)))),
            min(r.since), null
     from semap.relation r join semap.track_place n using (track_id)
-    where r.map_id = :map_id
+    where r.map_id = :map_id and r.confirmed
 """)
 EVENTS = text("""
     select null,

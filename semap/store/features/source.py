@@ -192,11 +192,15 @@ _TRACKS = Source(
 )
 
 _RELATIONS = Source(
-    rows=relation.join(region, region.c.region_id == relation.c.region_id)
+    rows=relation.join(
+        region,
+        and_(region.c.query_id == relation.c.query_id, region.c.instance_id == relation.c.instance_id)
+        & relation.c.confirmed,
+    )
     .join(track, track.c.track_id == relation.c.track_id)
     .join(track_place, track_place.c.track_id == relation.c.track_id),
     where=false(),
-    keys={"track_id": relation.c.track_id, "region_id": relation.c.region_id},
+    keys={"track_id": relation.c.track_id, "region_id": region.c.region_id},
     thing=Thing(
         kinds={
             "query": "text",

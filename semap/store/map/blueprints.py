@@ -15,6 +15,7 @@ from semap.model.source_geometry import GeometryType, SourceGeometry
 from semap.store.database.connection import translated
 from semap.store.database.tables import description, instance
 from semap.store.map.description import insert_descriptions, read_geometries, reshape
+from semap.store.map.history import lock_edits
 from semap.store.map.maps import map_id_of
 
 BLUEPRINTS = """
@@ -164,7 +165,7 @@ def switch_description(connection: Connection, instance_id: int, description_id:
     raises  NotFound, InvalidInput if the description is on another map or one instance's own
     """
     with translated():
-        connection.execute(select(func.semap.lock_regions_exclusive()))
+        lock_edits(connection)
         map_id = connection.scalar(select(instance.c.map_id).where(instance.c.instance_id == instance_id))
     if map_id is None:
         raise NotFound("instance", instance_id, "List the instances to see their ids.")
@@ -196,7 +197,7 @@ def switch_description(connection: Connection, instance_id: int, description_id:
 def _held(connection: Connection, description_id: int) -> tuple[SourceGeometry, ...]:
     """The geometries, after every other edit has ended and before the next begins."""
     with translated():
-        connection.execute(select(func.semap.lock_regions_exclusive()))
+        lock_edits(connection)
     return geometries_of(connection, description_id)
 
 

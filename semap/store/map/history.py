@@ -12,7 +12,7 @@ from typing import Any, Literal
 from uuid import UUID
 
 import shapely
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, func, select, text
 
 from semap.errors import InvalidInput, NotFound
 from semap.model.building import HeightBand
@@ -101,6 +101,12 @@ def sign(connection: Connection, author: str, message: str = "") -> None:
     """Say who changes the map in this transaction, and why."""
     with translated():
         connection.execute(SIGN, {"author": author, "message": message})
+
+
+def lock_edits(connection: Connection) -> None:
+    """Let nobody else edit any map from now on until this transaction ends (sql/020)."""
+    with translated():
+        connection.execute(select(func.semap.lock_regions_exclusive()))
 
 
 def list_change_sets(

@@ -33,6 +33,7 @@ from semap.store.map.description import (
     reshape,
 )
 from semap.store.map.frames import set_pose
+from semap.store.map.history import lock_edits
 from semap.store.map.maps import map_id_of
 from semap.store.map.placement import map_from_frames, pose_in
 
@@ -152,7 +153,7 @@ def _require_known(connection: Connection, map_id: int, item: Item) -> None:
 def hold_instance(connection: Connection, instance_id: int) -> Held:
     """Regions first, rows second: the order in which an import locks them too."""
     with translated():
-        connection.execute(select(func.semap.lock_regions_exclusive()))
+        lock_edits(connection)
         row = connection.execute(
             select(
                 instance.c.instance_id,

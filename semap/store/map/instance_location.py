@@ -42,9 +42,9 @@ RELATIONS = text("""
 TRACKS = text("""
     select n.track_id, t.name, r.query_name, n.since
     from semap.relation n
-    join semap.region r using (region_id)
+    join semap.region r using (query_id, instance_id)
     join semap.track t using (track_id)
-    where n.instance_id = :instance_id
+    where n.instance_id = :instance_id and n.confirmed
     order by n.track_id, r.query_name limit :limit
 """)
 FOREVER = "infinity"

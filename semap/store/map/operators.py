@@ -19,11 +19,12 @@ from sqlalchemy import Connection, text
 
 from semap.errors import InvalidInput, NotFound
 from semap.model.pose import Pose
+from semap.model.selection import Selection
 from semap.store.database.connection import translated
 from semap.store.map.maps import map_id_of
 from semap.store.map.operator_table import OPERATORS, Column, Operator, Parameter
 from semap.store.map.placement import normalised
-from semap.store.map.selection import EVERYTHING, Selection, selected_ids
+from semap.store.map.selection import EVERYTHING, selected_ids
 
 SQL_TYPES = {
     "number": "double precision",

@@ -8,6 +8,7 @@ from typing import Literal
 from sqlalchemy import Connection, text
 
 from semap.errors import InvalidInput, NotFound
+from semap.model.route import Gap, Part, Route, RouteStep
 from semap.store.database.connection import translated
 
 ROOM_ITSELF = """
@@ -32,7 +33,8 @@ ROOM_OF_TRACK = text("""
     from semap.relation n
     join semap.instance i using (instance_id)
     join semap.abstraction a on a.instance_id = i.instance_id and a.type = 'Footprint'
-    where n.track_id = :id and i.concept_id in (select semap.concepts_below(semap.concept_named('Room')))
+    where n.track_id = :id and n.confirmed and not n.in_pairs
+      and i.concept_id in (select semap.concepts_below(semap.concept_named('Room')))
     order by public.st_area(a.geometry), i.instance_id limit 1
 """)
 KNOWN = {
@@ -63,61 +65,7 @@ class Place:
     id: int
 
 
-@dataclass(frozen=True)
-class Step:
-    """A room, the door by which it is entered (None: the way begins there), and the way to that door [m]."""
-
-    room_id: int
-    room: str
-    door_id: int | None
-    door: str | None
-    length_m: float
-
-
-@dataclass(frozen=True)
-class Part:
-    """Rooms between which there are ways: how many, names of 20, and the storeys that they are on."""
-
-    rooms: int
-    names: tuple[str, ...]
-    storeys: tuple[str, ...]
-
-    def __str__(self) -> str:
-        more = f" and {self.rooms - len(self.names)} more" if self.rooms > len(self.names) else ""
-        on = f" (on {', '.join(self.storeys)})" if self.storeys else ""
-        return f"{', '.join(self.names)}{more}{on}"
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The parts of a building in which a way would begin and end, and between which there is none."""
-
-    start: Part
-    end: Part
-
-    @property
-    def reason(self) -> str:
-        """For people."""
-        return (
-            f"No door, opening, stair or lift of the map leads from {self.start} to {self.end}."
-            " Let one join a room of each."
-        )
-
-
-@dataclass(frozen=True)
-class Way:
-    """From room to room; without steps where nothing leads from the one to the other, and then with the gap.
-
-    line  x, y and (where it is known) z [m] of the positions that it leads through
-    """
-
-    steps: tuple[Step, ...]
-    length_m: float | None
-    line: tuple[tuple[float, ...], ...]
-    gap: Gap | None = None
-
-
-def way(connection: Connection, start: Place, end: Place) -> Way:
+def way(connection: Connection, start: Place, end: Place) -> Route:
     """The shortest way through doors from the room of one thing to that of another.
 
     raises  NotFound for an unknown thing, InvalidInput for one that is in no room, or on another map
@@ -129,12 +77,12 @@ def way(connection: Connection, start: Place, end: Place) -> Way:
     with translated():
         rows = connection.execute(ROUTE, {"from": from_id, "to": to_id}).all()
         if not rows:
-            return Way((), None, (), Gap(_part(connection, from_id), _part(connection, to_id)))
+            return Route((), None, (), Gap(_part(connection, from_id), _part(connection, to_id)))
         places = [row[7:] for row in rows]
         if to_id != from_id:
             places.append(connection.execute(END, {"room_id": to_id}).one())
     line = tuple(tuple(part for part in place if part is not None) for place in places)
-    return Way(tuple(Step(*row[1:6]) for row in rows), rows[0].total_m, line)
+    return Route(tuple(RouteStep(*row[1:6]) for row in rows), rows[0].total_m, line)
 
 
 def _part(connection: Connection, room_id: int) -> Part:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 from sqlalchemy import (
     ColumnElement,
     Connection,
@@ -24,6 +21,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 
 from semap.cql2 import Call, Expression, Literal, check, parse, parts
 from semap.errors import InvalidInput
+from semap.model.selection import Selection, Source
 from semap.store.database.connection import translated
 from semap.store.database.cql2_sql import Thing, condition
 from semap.store.database.tables import abstraction, concept, instance, one_of
@@ -31,27 +29,6 @@ from semap.store.database.tables import abstraction, concept, instance, one_of
 STOREY = instance.alias("storey_instance")
 FOOTPRINT = abstraction.alias("footprint")
 POSITION = abstraction.alias("position")
-
-Source = str | Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Instances that meet all that is given; None asks for nothing.
-
-    ids         among these
-    names       with one of these names or aliases
-    concept     of this concept, by name or IRI, or of one below it
-    attributes  whose attributes contain these
-    filter      CQL2 text, or CQL2 JSON, over the properties of `INSTANCE`
-    """
-
-    ids: tuple[int, ...] | None = None
-    names: tuple[str, ...] | None = None
-    concept: str | None = None
-    attributes: Mapping[str, object] | None = None
-    filter: Source | None = None
-
 
 EVERYTHING = Selection()
 

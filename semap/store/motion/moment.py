@@ -86,6 +86,18 @@ STAYS = text("""
     group by s.instance_id, i.name, s.track_id, t.name, s.until
     order by min(s.since), s.instance_id, s.track_id limit :limit
 """)
+STAYS_OF_TRACK = text("""
+    select s.instance_id, coalesce(max(i.name), max(p.instance_name), ''), t.track_id, t.name,
+           min(s.since) as since, s.until
+    from semap.track t
+    cross join semap.stays(t.map_id, :from, :to) s
+    left join semap.instance i on i.instance_id = s.instance_id
+    left join semap.relation_past p on p.track_id = s.track_id and p.instance_id = s.instance_id
+      and p.until = s.until and tstzrange(p.since, p.until, '[]') @> s.until
+    where t.track_id = :track_id and s.track_id = t.track_id
+    group by s.instance_id, t.track_id, t.name, s.until
+    order by s.until desc nulls first, since desc, s.instance_id limit :limit
+""")
 DOOR_STATES = text("""
     select instance_id, name, state, since, until
     from semap.door_states(:map_id, :from, :to) order by since, instance_id limit :limit
@@ -217,6 +229,18 @@ def stays(
     raises  NotFound if there is no such map
     """
     return tuple(Stay(*row) for row in _between(connection, STAYS, map_name, start, end, limit))
+
+
+def stays_of_track(
+    connection: Connection, track_id: int, start: datetime, end: datetime, limit: int
+) -> tuple[Stay, ...]:
+    """The newest stays of a track from `start` to `end`, at most `limit`, the last first.
+
+    None where there is no such track.
+    """
+    asked = {"track_id": track_id, "from": start, "to": end, "limit": limit}
+    with translated():
+        return tuple(Stay(*row) for row in connection.execute(STAYS_OF_TRACK, asked))
 
 
 def door_states(

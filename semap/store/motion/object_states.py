@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
-from uuid import UUID
 
 from sqlalchemy import Connection, func, select, text, update
 from sqlalchemy.dialects.postgresql import insert as upsert
 
 from semap.errors import InvalidInput
+from semap.model.object_state import NewObjectState, ObjectState
 from semap.store.database.connection import translated
 from semap.store.database.tables import map_, object_state, source
 from semap.store.map.maps import map_id_of
@@ -27,38 +26,11 @@ ADD_STATES = text("""
     on conflict (uid) do nothing
     returning object_state_id
 """)
-
-
-@dataclass(frozen=True)
-class NewObjectState:
-    """A property of an instance, by its name, has this value from the stamp on."""
-
-    instance: str
-    property: str
-    value: str
-    stamp: datetime
-    attributes: Mapping[str, object] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class ObjectState:
-    """A property of an instance has a value from a stamp on.
-
-    previous, since  the value before and when it began, as they were known when this one arrived
-    """
-
-    object_state_id: int
-    uid: UUID
-    map: str
-    source: str
-    instance_id: int
-    instance: str
-    property: str
-    value: str
-    previous: str | None
-    stamp: datetime
-    since: datetime | None
-    attributes: Mapping[str, object]
+LACKING = text("""
+    select n.name from unnest(cast(:names as text[])) n (name)
+    where not exists (select from semap.instance i where i.map_id = :map_id and i.name = n.name)
+    order by 1
+""")
 
 
 def list_object_states(
@@ -111,6 +83,16 @@ def add_object_states(
                 .values(watermark=func.greatest(source.c.watermark, watermark))
             )
     return tuple(sorted(added))
+
+
+def names_of_no_instance(connection: Connection, map_name: str, names: Sequence[str]) -> Sequence[str]:
+    """Which of these names no instance on the map has, in their order.
+
+    raises  NotFound if there is no such map
+    """
+    asked = {"map_id": map_id_of(connection, map_name), "names": list(names)}
+    with translated():
+        return connection.scalars(LACKING, asked).all()
 
 
 def hold_back_source(connection: Connection, map_name: str, source_name: str) -> None:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
+from itertools import groupby
 
 from sqlalchemy import Connection, text
 
 from semap.model.track_state import STATE_COLUMNS, TrackState
 from semap.store.database.connection import translated
+
+LONGEST_GAP = timedelta(seconds=30)
+"""Not seen for longer than this, a track was elsewhere, or gone."""
+
+MOST_STATES = 5_000_000
 
 STATE = ", ".join(STATE_COLUMNS)
 HISTORY = text(f"""
@@ -27,6 +33,21 @@ AROUND = text(f"""
       select {STATE} from semap.states_around(:track_id, i.stamp + interval '1 us', 0, 1)) a on true
     order by i.place
 """)  # noqa: S608
+PATH = text("""
+    with seen as (
+      select stamp, x_m, y_m, stamp - lag(stamp) over (order by stamp) > :longest_gap as has_gap
+      from semap.states_around(:track_id, :from, 0, :most, :to)
+    ), part as (
+      select *, count(*) filter (where has_gap) over (order by stamp) as part from seen
+    ), line as (
+      select part, st_simplify(
+               st_makeline(st_makepoint(x_m, y_m, extract(epoch from stamp - :from)) order by stamp),
+               :tolerance_m, true) as line
+      from part group by part
+    )
+    select l.part, st_x(p.geom), st_y(p.geom), st_z(p.geom)
+    from line l cross join lateral st_dumppoints(l.line) p order by l.part, p.path
+""")
 SPAN = text("""
     select (select stamp from semap.states_around(:track_id, '-infinity', 0, 1)),
            (select stamp from semap.states_around(:track_id, 'infinity', 1, 0))
@@ -70,6 +91,30 @@ def states_around(
         )
         for row in rows
     )
+
+
+def path(
+    connection: Connection, track_id: int, start: datetime, end: datetime, *, tolerance_m: float
+) -> list[list[list[float]]]:
+    """The way of a track from `start` to `end`, both included, a part for each time without a break.
+
+    tolerance_m  the way lies no farther from the positions than this
+    returns      of each part its points: x and y [m, map frame], and time from `start` on [s], in its order
+    """
+    asked = {
+        "track_id": track_id,
+        "from": start,
+        "to": end,
+        "tolerance_m": tolerance_m,
+        "longest_gap": LONGEST_GAP,
+        "most": MOST_STATES,
+    }
+    with translated():
+        rows = connection.execute(PATH, asked).all()
+    return [
+        [[x_m, y_m, t_s] for _, x_m, y_m, t_s in points]
+        for _, points in groupby(rows, key=lambda row: int(row[0]))
+    ]
 
 
 def span(connection: Connection, track_id: int) -> tuple[datetime, datetime] | None:

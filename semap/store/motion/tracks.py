@@ -12,7 +12,7 @@ import shapely
 from sqlalchemy import Connection, func, literal_column, select, update
 
 from semap.errors import NotFound
-from semap.model.track_state import STATE_COLUMNS, TrackState
+from semap.model.track_state import STATE_COLUMNS, Seen
 from semap.store.database.connection import translated
 from semap.store.database.tables import concept, map_, source, track, track_place
 from semap.store.map.concept import check_attributes, concept_id
@@ -21,7 +21,7 @@ NEVER = literal_column("'-infinity'::timestamptz", track_place.c.stamp.type)
 
 
 @dataclass(frozen=True)
-class PresentState(TrackState):
+class PresentState(Seen):
     """Where a track was last seen.
 
     footprint  the ground that it covers; None where its extent is not known
@@ -54,16 +54,22 @@ def list_tracks(
     *,
     map_name: str | None = None,
     name: str | None = None,
+    name_part: str | None = None,
     live: bool | None = None,
     after: int = 0,
     limit: int = 100,
 ) -> tuple[Track, ...]:
-    """At most `limit` tracks in the order of their ids, from the first after `after`."""
+    """At most `limit` tracks in the order of their ids, from the first after `after`.
+
+    name_part  a part of the name, in small or large letters
+    """
     found = _TRACKS.where(track.c.track_id > after).order_by(track.c.track_id).limit(limit)
     if map_name is not None:
         found = found.where(map_.c.name == map_name)
     if name is not None:
         found = found.where(track.c.name == name)
+    if name_part is not None:
+        found = found.where(track.c.name.icontains(name_part, autoescape=True))
     if live is not None:
         found = found.where(track_place.c.live == live)
     with translated():
@@ -127,7 +133,7 @@ def _track(row: Sequence[Any]) -> Track:
     if stamp is None:
         return Track(*[*known, None])
     footprint = None if shape is None else shapely.from_wkb(shape)
-    return Track(*[*known, PresentState(*[stamp, *values, False, footprint])])
+    return Track(*[*known, PresentState(*[stamp, *values, footprint])])
 
 
 _FOOTPRINT = func.semap.track_footprint(

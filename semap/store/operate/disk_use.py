@@ -10,21 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 
-import psycopg
+from sqlalchemy import Connection, text
 
 from semap.store.database.connection import translated
 from semap.store.operate.retention import Kind, Retention, read_retention
-from semap.timeline.stamp import EPOCH
 
 STATES = "states of tracks"
 GROUPS: Mapping[str, Sequence[str]] = {
     STATES: ("state_chunk", "track_state"),
-    "lines": ("line_observation",),
+    "lines": ("line_observation", "camera_report"),
     "tracks and sources": (
-        "track", "track_now", "track_amendment", "source", "source_count", "recording",
+        "track", "track_now", "track_amendment", "track_reading", "source", "source_count", "recording",
     ),
     "relations and regions": (
-        "relation", "relation_past", "debounce_state", "pair", "pair_query", "pair_instance",
+        "relation", "relation_past", "pair_query", "pair_instance",
         "followed_state", "continuous_query", "query_track", "region", "region_cell", "region_edge",
     ),
     "changes": ("relation_change", "object_state", "door_now"),
@@ -45,7 +44,7 @@ REST = "the rest of the database"
 LOG = "log kept for slots"
 GROWTH_DAYS = 7
 
-TABLES = """
+TABLES = text("""
     select coalesce(p.relname, c.relname)::text,
            to_date(substring(c.relname from '_([0-9]{8})$'), 'YYYYMMDD'),
            case when c.reltuples > 0 and c.relpages > 0
@@ -58,16 +57,16 @@ TABLES = """
     left join pg_class p on p.oid = i.inhparent
     where c.relnamespace = 'semap'::regnamespace and c.relkind = 'r'
     order by 2 nulls last, 1
-"""
-COUNTED = """
+""")
+COUNTED = text("""
     select to_date(substring(tableoid::regclass::text from '_([0-9]{8})$'), 'YYYYMMDD'), sum(states)::bigint
     from semap.state_chunk group by 1
-"""
-WHOLE = """
+""")
+WHOLE = text("""
     select pg_database_size(current_database()), clock_timestamp(),
            coalesce((select max(pg_wal_lsn_diff(pg_current_wal_lsn(), restart_lsn))
                      from pg_replication_slots), 0)::bigint
-"""
+""")
 
 
 @dataclass(frozen=True)
@@ -135,12 +134,12 @@ class _Table:
     index_bytes: int
 
 
-def read_disk_use(connection: psycopg.Connection) -> DiskUse:
+def read_disk_use(connection: Connection) -> DiskUse:
     """As it is now."""
     with translated():
         tables = [_Table(*row) for row in connection.execute(TABLES)]
-        counted: dict[date | None, int] = dict(connection.execute(COUNTED).fetchall())
-        total_bytes, at, log_bytes = connection.execute(WHOLE).fetchone() or (0, EPOCH, 0)
+        counted: dict[date | None, int] = dict(connection.execute(COUNTED).all())
+        total_bytes, at, log_bytes = connection.execute(WHOLE).one()
         retention = read_retention(connection)
     days = _days(tables, counted)
     parts = _parts(tables, sum(counted.values()))

@@ -34,6 +34,8 @@ CANCEL = text("""
         finished_at = case state when 'waiting' then clock_timestamp() end
     where (job_id = :job_id or token_id = :token_id) and finished_at is null
 """)
+HOLD = text("select semap.hold_job(:job_id)")
+LET_GO = text("select pg_advisory_unlock_shared(7369, :job_id)")
 FORGET = text("""
     delete from semap.job
     where finished_at < clock_timestamp() - make_interval(days => :days)
@@ -81,6 +83,18 @@ class Owner:
 
     token_id: int | None
     sees_all: bool
+
+
+def hold_job(connection: Connection, job_id: int) -> None:
+    """Say that a job lives as long as this session, or until it lets go."""
+    with translated():
+        connection.execute(HOLD, {"job_id": job_id})
+
+
+def let_go_of_job(connection: Connection, job_id: int) -> None:
+    """Hold a job no longer."""
+    with translated():
+        connection.execute(LET_GO, {"job_id": job_id})
 
 
 def next_job_id(connection: Connection) -> int:

@@ -16,6 +16,7 @@ from semap.store.database.connection import translated
 SAMPLES = 200
 SOURCES = 100
 WEBHOOKS = 50
+MOST_BRIDGES = 50
 DEAD_LETTERS = 100
 """So many are told apart or counted at most."""
 
@@ -63,6 +64,13 @@ NEW_EVENTS = text("""
             where v.event_id = e.event_id)
     from (select * from semap.event where seq > :after and not by_batch order by seq desc limit :limit) e
     join semap.map m using (map_id)
+""")
+
+BRIDGES = text("""
+    select m.name, b.name, b.kind, b.state = 'connected', b.lag_s, b.received, b.committed, b.delivered,
+           b.dropped, b.reconnects, b.refusals, b.told_at
+    from semap.bridge b join semap.map m using (map_id) where b.state <> 'ended'
+    order by b.told_at desc limit :limit
 """)
 
 
@@ -117,6 +125,24 @@ class WebhookFigures:
 
 
 @dataclass(frozen=True)
+class BridgeFigures:
+    """What a bridge that has not ended says of itself (`semap/store/motion/bridges`)."""
+
+    map: str
+    name: str
+    kind: str
+    is_connected: bool
+    lag_s: float | None
+    received: int
+    committed: int
+    delivered: int
+    dropped: int
+    reconnects: int
+    refusals: Mapping[str, int]
+    told_at: datetime
+
+
+@dataclass(frozen=True)
 class Figures:
     """worker is None where the schema is there and its worker was never begun."""
 
@@ -125,6 +151,7 @@ class Figures:
     sources: tuple[SourceFigures, ...]
     jobs: Mapping[str, int]
     webhooks: tuple[WebhookFigures, ...]
+    bridges: tuple[BridgeFigures, ...]
 
 
 @dataclass(frozen=True)
@@ -155,6 +182,7 @@ def read_figures(connection: Connection) -> Figures:
                 WebhookFigures(*row)
                 for row in connection.execute(WEBHOOK, {"limit": WEBHOOKS, "dead_letters": DEAD_LETTERS})
             ),
+            tuple(BridgeFigures(*row) for row in connection.execute(BRIDGES, {"limit": MOST_BRIDGES})),
         )
 
 

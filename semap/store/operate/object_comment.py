@@ -6,8 +6,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from psycopg.sql import Literal
-
 NOTE = r"--[^\n]*+|/\*(?s:.*?)\*/"
 QUOTED = (
     r"""[eE]'(?:[^'\\]|\\(?s:.)|'')*+'|'(?:[^']|'')*+'|"(?:[^"]|"")*+"|"""
@@ -60,7 +58,8 @@ def comments_in(sql: str) -> Iterator[ObjectComment]:
 def comment_statements(sql: str) -> str:
     """The statements that say of all that these statements create what is said of it."""
     return "".join(
-        f"comment on {each.target} is {Literal(each.text).as_string(None)};\n" for each in comments_in(sql)
+        "comment on {} is '{}';\n".format(each.target, each.text.replace("'", "''"))
+        for each in comments_in(sql)
     )
 
 

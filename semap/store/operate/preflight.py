@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import psycopg
-from psycopg.rows import class_row
+from sqlalchemy import Connection, text
 
 from semap.errors import ServerUnfit
 
@@ -60,13 +59,13 @@ class Server:
         return self.version // 10_000
 
 
-LOOK = """
+LOOK = text("""
 select current_setting('server_version_num')::int as version,
        current_setting('wal_level') as wal_level,
        current_setting('max_replication_slots')::int as slots,
        (select count(*) from pg_replication_slots) as slots_taken,
        exists (select from pg_replication_slots
-               where database = current_database() and slot_name like 'semap%%') as has_own_slot,
+               where database = current_database() and slot_name like 'semap%') as has_own_slot,
        current_setting('max_wal_senders')::int as wal_senders,
        pg_is_in_recovery() as is_standby,
        quote_ident(current_database()) as database,
@@ -76,11 +75,11 @@ select current_setting('server_version_num')::int as version,
        own.rolsuper as is_superuser,
        own.rolreplication as may_replicate,
        own.rolcreaterole as may_create_roles,
-       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+       array(select name from unnest(cast(:roles as text[])) with ordinality as asked (name, n)
              where not exists (select from pg_roles where rolname = name) order by n) as missing_roles,
-       array(select name from unnest(%(roles)s::text[]) with ordinality as asked (name, n)
+       array(select name from unnest(cast(:roles as text[])) with ordinality as asked (name, n)
              join pg_roles on rolname = name
-             where not (pg_has_role(oid, %(act)s) or pg_has_role(oid, 'MEMBER WITH ADMIN OPTION'))
+             where not (pg_has_role(oid, cast(:act as text)) or pg_has_role(oid, 'MEMBER WITH ADMIN OPTION'))
              order by n) as foreign_roles,
        exists (select from pg_collation where collname = 'und-x-icu') as has_icu,
        (select quote_ident(nspname) from pg_extension join pg_namespace n on n.oid = extnamespace
@@ -95,34 +94,35 @@ select current_setting('server_version_num')::int as version,
         where nspname = 'semap' and not pg_has_role(nspowner, 'USAGE')) as schema_owner
 from pg_roles own
 where own.rolname = current_user
-"""
+""")
 
 
-def right_to_act(server_version: int) -> str:
-    """What `pg_has_role` calls the right to SET ROLE; server_version as in server_version_num."""
-    return "SET" if server_version // 10_000 >= FIRST_WITH_GUARDED_ROLES else "MEMBER"
+def major_version(connection: Connection) -> int:
+    """Of the server's PostgreSQL."""
+    return int((connection.dialect.server_version_info or (0,))[0])
 
 
-def examine(conn: psycopg.Connection) -> list[Finding]:
+def right_to_act(connection: Connection) -> str:
+    """What `pg_has_role` of this server calls the right to SET ROLE."""
+    return "SET" if major_version(connection) >= FIRST_WITH_GUARDED_ROLES else "MEMBER"
+
+
+def examine(connection: Connection) -> list[Finding]:
     """Every obstacle in the connection's database for its role; nothing is changed there.
 
     A server that is too old is not asked for the rest, which it could not even answer.
     """
-    major = conn.info.server_version // 10_000
+    major = major_version(connection)
     if major < OLDEST_MAJOR:
         return [_too_old(major)]
-    with conn.transaction(force_rollback=True), conn.cursor(row_factory=class_row(Server)) as cursor:
-        # In a database without an encoding psycopg would not take texts for texts.
-        cursor.execute("set local client_encoding to 'UTF8'")
-        asked = {"roles": list(ROLES), "act": right_to_act(conn.info.server_version)}
-        server = cursor.execute(LOOK, asked).fetchone()
-    assert server is not None  # noqa: S101  (a session always has a role)
+    asked = {"roles": list(ROLES), "act": right_to_act(connection)}
+    server = Server(**connection.execute(LOOK, asked).mappings().one())
     return [finding for check in CHECKS for finding in check(server)]
 
 
-def require_fit(conn: psycopg.Connection) -> None:
+def require_fit(connection: Connection) -> None:
     """raises ServerUnfit with all that `examine` finds."""
-    findings = examine(conn)
+    findings = examine(connection)
     if findings:
         raise ServerUnfit(findings)
 

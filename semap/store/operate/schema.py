@@ -12,21 +12,19 @@ import logging
 import time
 from dataclasses import dataclass
 
-import psycopg
-from psycopg import errors
 from sqlalchemy import Connection, text
 
-import semap
-from semap.errors import DatabaseError, ServerUnavailable
+from semap.errors import DatabaseError, InUse, ServerUnavailable
 from semap.schema_files import schema_folder, sql_files
 from semap.store.database.connection import connect, one_transaction, translated
 from semap.store.operate.object_comment import comment_statements
+from semap.store.operate.rule_slot import MIGRATION_LOCK, ensure_slot
 from semap.store.relation.conditions import compile_again
 from semap.store.relation.predicate_rows import keep_predicates
+from semap.version import VERSION
 
 log = logging.getLogger(__name__)
 
-MIGRATION_LOCK = 7366
 FORGET = "000_forget.sql"
 LOCK_S = 2.0
 """So long a migration waits for a table that is in use: whoever wants it after that waits as long."""
@@ -74,10 +72,7 @@ def _bring_up_to_date(dsn: str) -> Migrated:
                 before = _upgrade(connection)
                 changed = _apply_behaviour(connection, again=before != head_version())
             return Migrated(before, head_version(), changed)
-        except ServerUnavailable as error:
-            said = getattr(error.__cause__, "orig", error.__cause__)
-            if not isinstance(said, errors.LockNotAvailable | errors.DeadlockDetected):
-                raise
+        except InUse:
             log.info("Tables are in use; tried %d of %d times.", attempt, ATTEMPTS)
             time.sleep(PAUSE_S)
     raise ServerUnavailable(
@@ -92,18 +87,18 @@ def head_version() -> str:
     return _known_versions()[-1]
 
 
-def is_current(connection: psycopg.Connection) -> bool:
+def is_current(connection: Connection) -> bool:
     """Whether the database is just as `migrate` of this semap leaves it."""
-    if connection.execute("select to_regclass('semap.behaviour')").fetchone() == (None,):
+    if connection.scalar(text("select to_regclass('semap.behaviour')")) is None:
         return False
-    checksums = connection.execute("select checksum from semap.behaviour").fetchall()
-    if checksums != [(_checksum(),)] or database_version(connection) != head_version():
+    checksums = connection.scalars(text("select checksum from semap.behaviour")).all()
+    if checksums != [_checksum()] or database_version(connection) != head_version():
         return False
     # its slot comes last: a migration that was killed before it is not done
-    return connection.execute("select from semap.progress where worker = 'rules'").fetchone() is not None
+    return bool(connection.scalar(text("select exists (select from semap.progress where worker = 'rules')")))
 
 
-def require_current(connection: psycopg.Connection) -> None:
+def require_current(connection: Connection) -> None:
     """raises DatabaseError where `semap db migrate` has to run first."""
     with translated():
         if not is_current(connection):
@@ -112,12 +107,12 @@ def require_current(connection: psycopg.Connection) -> None:
             )
 
 
-def database_version(connection: psycopg.Connection) -> str | None:
+def database_version(connection: Connection) -> str | None:
     """The version of the database's schema; None where there is none."""
-    if connection.execute("select to_regclass('semap.schema_version')").fetchone() == (None,):
+    if connection.scalar(text("select to_regclass('semap.schema_version')")) is None:
         return None
-    row = connection.execute("select version_num from semap.schema_version").fetchone()
-    return None if row is None else str(row[0])
+    version: str | None = connection.scalar(text("select version_num from semap.schema_version"))
+    return version
 
 
 def _known_versions() -> list[str]:
@@ -129,12 +124,10 @@ def _upgrade(connection: Connection) -> str | None:
     from alembic import command  # noqa: PLC0415  slow to import, and rarely needed
     from alembic.config import Config  # noqa: PLC0415
 
-    before: str | None = None
-    if connection.scalar(text("select to_regclass('semap.schema_version')")) is not None:
-        before = connection.scalar(text("select version_num from semap.schema_version"))
+    before = database_version(connection)
     if before is not None and before not in _known_versions():
         raise DatabaseError(
-            f"The database has schema version {before}, which semap {semap.__version__} does not know.",
+            f"The database has schema version {before}, which semap {VERSION} does not know.",
             "Install the version of semap that migrated it, or a newer one.",
         )
     if before is not None and before != head_version():
@@ -172,18 +165,3 @@ def _apply_behaviour(connection: Connection, *, again: bool) -> bool:
         text("insert into semap.behaviour (checksum) values (:digest)"), {"digest": _checksum()}
     )
     return True
-
-
-def ensure_slot(connection: psycopg.Connection) -> None:
-    """Make the rule worker's replication slot and its first progress where they are missing.
-
-    A slot is an object of the whole server and is not part of a transaction or of a copied database.
-    The rules known so far are noted after the slot exists: later ones come through it.
-    """
-    with translated():
-        connection.execute("select pg_advisory_lock(%s)", [MIGRATION_LOCK])
-        try:
-            connection.execute("select semap.create_rule_slot()")
-            connection.execute("select semap.begin_progress()")
-        finally:
-            connection.execute("select pg_advisory_unlock(%s)", [MIGRATION_LOCK])

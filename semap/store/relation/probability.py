@@ -7,21 +7,27 @@ from collections.abc import Iterable, Mapping
 from sqlalchemy import Connection, text
 
 from semap.store.database.connection import translated
+from semap.store.relation.relations import Place, Relation
 
 PROBABLE = text("""
-    select n.track_id, n.region_id, semap.relation_probability(n.track_id, n.region_id)
-    from unnest(cast(:tracks as bigint[]), cast(:regions as integer[])) as n (track_id, region_id)
+    select n.place, semap.relation_probability(n.track_id, r.region_id)
+    from unnest(cast(:places as integer[]), cast(:tracks as bigint[]), cast(:queries as integer[]),
+                cast(:instances as bigint[])) as n (place, track_id, query_id, instance_id)
+    join semap.region r using (query_id, instance_id)
 """)
 
 
-def probabilities(
-    connection: Connection, relations: Iterable[tuple[int, int]]
-) -> Mapping[tuple[int, int], float | None]:
-    """Of relations as (track_id, region_id): how probable each is now; None of those that ask for none."""
-    wanted = list(relations)
+def probabilities(connection: Connection, relations: Iterable[Relation]) -> Mapping[Place, float | None]:
+    """How probable each of these is now, by its place; None, or nothing, of those that ask for none."""
+    wanted = [each for each in relations if each.until is None]
     if not wanted:
         return {}
-    asked = {"tracks": [track for track, _ in wanted], "regions": [region for _, region in wanted]}
+    asked = {
+        "places": list(range(len(wanted))),
+        "tracks": [each.track_id for each in wanted],
+        "queries": [each.place[1] for each in wanted],
+        "instances": [each.instance_id for each in wanted],
+    }
     with translated():
         rows = connection.execute(PROBABLE, asked).all()
-    return {(track, region): probability for track, region, probability in rows}
+    return {wanted[place].place: probability for place, probability in rows}

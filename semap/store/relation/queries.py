@@ -162,15 +162,15 @@ class ResultRow:
 
 
 def query_result(
-    connection: Connection, query_id: int, *, after: tuple[int, int] = (0, 0), limit: int = 100
+    connection: Connection, query_id: int, *, after: tuple[int, int] | None = None, limit: int = 100
 ) -> tuple[ResultRow, ...]:
     """At most `limit` rows of what holds by a query now.
 
-    after   the place of the last one known
+    after   the place of the last one known; None: from the first one
     raises  NotFound
     """
     get_query(connection, query_id)
-    wanted = {"query_id": query_id, "after": list(after), "limit": limit}
+    wanted = {"query_id": query_id, "after": after and list(after), "limit": limit}
     with translated():
         rows = connection.execute(_RESULT, wanted).all()
     return tuple(ResultRow((place[0], place[1]), result) for place, result in rows)
@@ -228,6 +228,7 @@ def columns_of(connection: Connection, map_id: int, declaration: Declaration) ->
         "widest_std_m": None if sure is None else sure.widest_std_m,
         "longest_gap": None if between is None else timedelta(seconds=between.longest_gap_s),
         "fastest_mps": None if between is None else between.fastest_mps,
+        "follows_amendments": declaration.follows_amendments,
         "payload": dict(declaration.payload),
     }
 
@@ -280,6 +281,7 @@ def _declaration(columns: Mapping[str, Any]) -> Declaration:
         ),
         certainty=sure,
         between_samples=between,
+        follows_amendments=columns["follows_amendments"],
         payload=columns["payload"],
     )
 

@@ -82,6 +82,10 @@ def _check_edges_of_pairs(predicate: Predicate, declaration: Declaration) -> Non
             "both sides of a pair may move between two samples: one path alone gives no moment",
             "Leave between_samples out.",
         )
+    if declaration.follows_amendments:
+        raise InvalidInput(
+            "relations of pairs do not follow amendments of tracks", "Leave follows_amendments out."
+        )
     if not predicate.has_boundary and (debounce.enter_margin_m or debounce.leave_margin_m):
         raise InvalidInput(
             f"{predicate.name} has no boundary in metres that a margin could be beside",

@@ -21,14 +21,13 @@ from sqlalchemy import (
 )
 
 from semap.errors import NotFound
+from semap.model.relation import Occupant
 from semap.store.database.connection import translated
 from semap.store.database.tables import (
     concept,
     continuous_query,
     instance,
     map_,
-    pair,
-    region,
     relation,
     relation_past,
     track,
@@ -37,19 +36,18 @@ from semap.store.map.instances import Instance
 
 STOREY = instance.alias("storey")
 ROOM = "Room"
-Place: TypeAlias = tuple[int, int, int]
-"""Which part of all relations (by regions, by pairs, over), and the ids that it is ordered by."""
-START: Place = (0, 0, 0)
+Place: TypeAlias = tuple[int, int, int, int]
+"""Which part of all relations (those that hold, those that are over), and the ids that it is ordered by."""
+START: Place = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which relations: those of which all of this is true; a name or an id may be that of either side."""
+    """Which relations: those of which all of this is true; a name may be that of either side."""
 
     map: str | None = None
     query: str | None = None
     track: str | None = None
-    track_id: int | None = None
     instance: str | None = None
 
 
@@ -78,11 +76,6 @@ class Relation:
     until: datetime | None
     place: Place
 
-    @property
-    def is_kept_by_region(self) -> bool:
-        """Whether it holds now, and its place ends in the ids of its track and region."""
-        return self.place[0] == 0
-
 
 @dataclass(frozen=True)
 class Room:
@@ -90,15 +83,6 @@ class Room:
 
     instance: Instance
     occupants: int
-
-
-@dataclass(frozen=True)
-class Occupant:
-    """A track that is in a room, and since when."""
-
-    track_id: int
-    name: str
-    since: datetime
 
 
 def list_relations(
@@ -111,12 +95,12 @@ def list_relations(
 ) -> tuple[Relation, ...]:
     """At most `limit` relations that hold now, or held at a moment of event time.
 
-    First come those that regions keep, then those of pairs, and last those that are over: what ends between
-    two pages may come twice, but is not missed.
+    First come those that hold, query by query, then those that are over: what ends between two pages may come
+    twice, but is not missed.
 
     after  the place of the last one known
     """
-    parts = (_BY_REGIONS, _BY_PAIRS) if as_of is None else (_BY_REGIONS, _BY_PAIRS, _OVER)
+    parts = (_NOW,) if as_of is None else (_NOW, _OVER)
     found: list[Relation] = []
     for number, part in enumerate(parts):
         if number < after[0] or len(found) == limit:
@@ -131,8 +115,8 @@ def list_relations_to_instances(
     connection: Connection, track_id: int, *, after: Place = START, limit: int = 100
 ) -> tuple[Relation, ...]:
     """What a track is in now, in the order of `list_relations`: who faces a table is not in it."""
-    asked = _BY_REGIONS.select(Wanted(track_id=track_id), None).limit(limit)
-    return tuple(_read(connection, 0, _BY_REGIONS, asked, after[1:]))
+    asked = _NOW.select(ALL, None).where(relation.c.track_id == track_id, ~relation.c.in_pairs).limit(limit)
+    return tuple(_read(connection, 0, _NOW, asked, after[1:]))
 
 
 def list_rooms(
@@ -166,7 +150,7 @@ def list_occupants(
     found = (
         select(relation.c.track_id, track.c.name, func.min(relation.c.since))
         .join(track, track.c.track_id == relation.c.track_id)
-        .where(relation.c.instance_id == instance_id, relation.c.track_id > after)
+        .where(relation.c.instance_id == instance_id, relation.c.track_id > after, *_IS_IN)
         .group_by(relation.c.track_id, track.c.name)
         .order_by(relation.c.track_id)
         .limit(limit)
@@ -183,7 +167,7 @@ def _read(
     with translated():
         rows = connection.execute(asked).all()
     ids_at = len(fields(Relation)) - 1
-    places = ((number, row[ids_at], (*row[ids_at:], 0)[1]) for row in rows)
+    places = ((number, *(*row[ids_at:], 0, 0)[:3]) for row in rows)
     return [Relation(*(*row[:ids_at], place)) for row, place in zip(rows, places, strict=True)]
 
 
@@ -192,7 +176,7 @@ class _Part:
     """Relations that are kept in one table.
 
     sides  the columns of a side's id and name, by the side
-    ids    the one or two columns by which the table is ordered
+    ids    the one to three columns by which the table is ordered
     until  None: all of it holds
     """
 
@@ -213,13 +197,11 @@ class _Part:
 
     def _conditions(self, wanted: Wanted, as_of: datetime | None) -> list[ColumnElement[bool]]:
         named = {side: columns[1] for side, columns in self.sides.items()}
-        numbered = {side: columns[0] for side, columns in self.sides.items()}
         conditions = [] if self.only is None else [self.only]
         for value, columns in (
             (wanted.map, [map_.c.name]),
             (wanted.query, [self.query]),
             (wanted.track, [named[side] for side in _TRACKS if side in named]),
-            (wanted.track_id, [numbered[side] for side in _TRACKS if side in named]),
             (wanted.instance, [named[side] for side in _INSTANCES if side in named]),
         ):
             if value is not None:
@@ -240,35 +222,23 @@ _SIDES = ("track", "subject_instance", "instance", "object_track")
 _TRACKS = ("track", "object_track")
 _INSTANCES = ("subject_instance", "instance")
 _SUBJECT, _OBJECT = instance.alias("subject_instance"), track.alias("object_track")
-_BY_REGIONS = _Part(
-    relation.join(region, region.c.region_id == relation.c.region_id)
-    .join(track, track.c.track_id == relation.c.track_id)
-    .join(map_, map_.c.map_id == relation.c.map_id),
-    region.c.query_name,
-    {
-        "track": (relation.c.track_id, track.c.name),
-        "instance": (relation.c.instance_id, region.c.instance_name),
-    },
-    relation.c.since,
-    (relation.c.track_id, relation.c.region_id),
-)
-_BY_PAIRS = _Part(
-    pair.join(continuous_query, continuous_query.c.query_id == pair.c.query_id)
-    .join(map_, map_.c.map_id == pair.c.map_id)
-    .outerjoin(track, track.c.track_id == pair.c.track_id)
-    .outerjoin(_SUBJECT, _SUBJECT.c.instance_id == pair.c.subject_instance_id)
-    .outerjoin(instance, instance.c.instance_id == pair.c.instance_id)
-    .outerjoin(_OBJECT, _OBJECT.c.track_id == pair.c.object_track_id),
+_NOW = _Part(
+    relation.join(continuous_query, continuous_query.c.query_id == relation.c.query_id)
+    .join(map_, map_.c.map_id == relation.c.map_id)
+    .outerjoin(track, track.c.track_id == relation.c.track_id)
+    .outerjoin(_SUBJECT, _SUBJECT.c.instance_id == relation.c.subject_instance_id)
+    .outerjoin(instance, instance.c.instance_id == relation.c.instance_id)
+    .outerjoin(_OBJECT, _OBJECT.c.track_id == relation.c.object_track_id),
     continuous_query.c.name,
     {
-        "track": (pair.c.track_id, track.c.name),
-        "subject_instance": (pair.c.subject_instance_id, _SUBJECT.c.name),
-        "instance": (pair.c.instance_id, instance.c.name),
-        "object_track": (pair.c.object_track_id, _OBJECT.c.name),
+        "track": (relation.c.track_id, track.c.name),
+        "subject_instance": (relation.c.subject_instance_id, _SUBJECT.c.name),
+        "instance": (relation.c.instance_id, instance.c.name),
+        "object_track": (relation.c.object_track_id, _OBJECT.c.name),
     },
-    pair.c.since,
-    (pair.c.pair_id,),
-    only=pair.c.confirmed,
+    relation.c.since,
+    (relation.c.query_id, relation.c.subject_key, relation.c.object_key),
+    only=relation.c.confirmed,
 )
 _OVER = _Part(
     relation_past.join(map_, map_.c.map_id == relation_past.c.map_id),
@@ -279,12 +249,14 @@ _OVER = _Part(
     until=relation_past.c.until,
 )
 
+_IS_IN = (relation.c.confirmed, ~relation.c.in_pairs)
+"""That a track is in an instance: who faces a table is not in it."""
 _ROOM_CONCEPTS = func.semap.concepts_below(
     select(concept.c.concept_id).where(concept.c.name == ROOM).scalar_subquery()
 ).column_valued("concept_id")
 _OCCUPANTS = (
     select(func.count(distinct(relation.c.track_id)))
-    .where(relation.c.instance_id == instance.c.instance_id)
+    .where(relation.c.instance_id == instance.c.instance_id, *_IS_IN)
     .scalar_subquery()
 )
 _ROOMS = (

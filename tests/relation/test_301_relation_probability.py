@@ -11,6 +11,7 @@ from world import SECOND_US, World
 
 from semap.store.database.connection import connect, open_engine
 from semap.store.relation.probability import probabilities
+from semap.store.relation.relations import list_relations
 
 ELL = shapely.Polygon([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
 HOLED = shapely.Polygon(shapely.box(10, 0, 14, 4).exterior, [shapely.box(11, 1, 13, 3).exterior])
@@ -107,23 +108,25 @@ def test_a_query_that_asks_for_no_certainty_has_none(rooms: World) -> None:
 def test_of_many_at_once_it_is_the_same(rooms: World) -> None:
     be_certain(rooms)
     tracks = [at(rooms, f"t{n}", 1, 0.5 + n / 4, 1.0, 0.5) for n in range(4)]
-    regions = [region for (region,) in rooms.rows("select region_id from semap.region order by 1")]
     engine = open_engine(rooms.dsn, "semap_read", size=1)
     with engine.begin() as connection:
-        asked = [(track, region) for track in tracks for region in regions]
+        asked = list_relations(connection)
         found = probabilities(connection, asked)
         assert probabilities(connection, []) == {}
     engine.dispose()
+    assert {each.track_id for each in asked} == set(tracks)
     assert found == {
-        (track, region): rooms.one("select semap.relation_probability(%s, %s)", track, region)
-        for track, region in asked
-    }
+        each.place: rooms.one(
+            "select semap.relation_probability(%s, region_id) from semap.region where query_id = %s and instance_id = %s",
+            each.track_id, each.place[1], each.instance_id)
+        for each in asked
+    }  # fmt: skip
 
 
 def test_a_reader_of_another_map_sees_none(rooms: World) -> None:
     be_certain(rooms)
     track = at(rooms, "a", 1, 1.0, 1.0, 0.5)
-    region = rooms.one("select region_id from semap.relation")
+    region = rooms.one("select region_id from semap.region join semap.relation using (query_id, instance_id)")
     for maps, count in ((rooms.map_id, 1), (rooms.map_id + 1, 0)):
         with connect(rooms.dsn, "semap_read_map") as reader:
             reader.execute("select set_config('semap.maps', %s, false)", [f"{{{maps}}}"])

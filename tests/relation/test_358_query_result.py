@@ -80,7 +80,7 @@ def test_the_view_of_pairs_shows_either_kind_of_side(world: World) -> None:
         for query_id in (plain, chosen):
             hold(world, query_id, things[subject][0], things[object_][1], 2)
             hold(world, query_id, things[subject][1], things[object_][0], 3)
-            world.run("update semap.pair set confirmed = false, since = null where since = %s", at(3))
+            world.run("update semap.relation set confirmed = false, since = null where since = %s", at(3))
         names = ("track_id", "track", "instance_id", "instance")
         if (subject, object_) != ("track", "instance"):
             names = ("subject_id", "subject", "object_id", "object")
@@ -117,7 +117,7 @@ def test_a_result_is_read_in_pages(world: World) -> None:
     for n, track_id in enumerate(tracks):
         hold(world, pairs, room, ("track", track_id, f"t{n}"), n)
     for query_id, column in ((world.query_id, "track"), (pairs, "object")):
-        found, after = [], (0, 0)
+        found, after = [], None
         with one_transaction(world.dsn) as connection:
             while page := query_result(connection, query_id, after=after, limit=3):
                 found += [row.columns[column] for row in page]

@@ -85,6 +85,23 @@ def test_who_becomes_what_a_query_asks_for_enters_and_who_is_it_no_more_leaves(
     assert [each[1:] for each in told(room)][2:] == [("began", "map", 5), ("ended", "moved", 6)]
 
 
+def test_a_track_that_several_queries_come_to_ask_for_is_in_each_region_once(room: World) -> None:
+    """Of a query with a memory its present says in which regions it is."""
+    ask(room, enter_confirm="1 s")
+    for name in ("forklifts", "more forklifts"):
+        room.run(
+            "insert into semap.continuous_query (map_id, name, object_concept_id, subject_where)"
+            " select map_id, %s, object_concept_id, %s from semap.continuous_query where query_id = %s",
+            name, room.keep_where(FORKLIFT), room.query_id,
+        )  # fmt: skip
+    lifter = room.add_track("lifter")
+    room.add_states([(lifter, at_s * SECOND_US, 2.0, 2.0, None) for at_s in (1, 5)])
+    describe(room, lifter, attributes={"kind": "forklift"})
+    ((ids,),) = room.rows("select stateful_ids from semap.track_now")
+    assert len(ids) == len(set(ids)) == 3
+    assert room.rows("select * from semap.held_differences(%s)", room.map_id) == []
+
+
 def test_only_who_is_there_enters(room: World) -> None:
     ask(room, subject_where=FORKLIFT)
     outside, unseen, ended = (room.add_track(name) for name in ("outside", "unseen", "ended"))

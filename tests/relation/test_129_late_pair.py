@@ -38,7 +38,7 @@ REMEMBERED = """
     select coalesce(s.name, si.name), coalesce(o.name, oi.name), p.confirmed, p.pending,
            case when p.pending <> p.confirmed then (extract(epoch from p.pending_at) * 1000000)::bigint end,
            p.distance_m, (extract(epoch from p.distance_at) * 1000000)::bigint
-    from semap.pair p
+    from semap.relation p
     left join semap.track s on s.track_id = p.track_id
     left join semap.instance si on si.instance_id = p.subject_instance_id
     left join semap.track o on o.track_id = p.object_track_id

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy import special, stats
 from server import fresh_database
 from stateful_oracle import Asked, Sample
-from test_probability import COVARIANCES, PLACES, SHAPES, probability
+from test_106_probability import COVARIANCES, PLACES, SHAPES, probability
 from world import SECOND_US, World
 
 from semap.geometry.error_ellipse import Ellipses, covariances_of, ellipses_of, is_covariance, turned

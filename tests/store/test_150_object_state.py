@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput, NotFound
+from semap.model.object_state import NewObjectState
 from semap.store.database.connection import connect, one_transaction
-from semap.store.motion.object_states import NewObjectState, add_object_states, list_object_states
+from semap.store.motion.object_states import add_object_states, list_object_states
 from semap.timeline.stamp import to_datetime
 
 VALUES = ("open", "closed", "ajar")
@@ -46,7 +47,7 @@ def test_a_state_knows_what_was_before_it(world: World) -> None:
     assert write(world, [*states, state(2, "closed", "other"), state(2, "low", name="battery")]) == 6
     with one_transaction(world.dsn, "semap_read") as connection:
         found = list_object_states(connection, map_name="world", instance="door", property_name="door")
-        assert list_object_states(connection, after=found[-1].object_state_id) == ()
+        assert list_object_states(connection, after=found[-1].id) == ()
         assert list_object_states(connection, map_name="nowhere") == ()
     assert [(s.value, s.previous, s.stamp, s.since) for s in found] == [
         ("open", None, states[0].stamp, None),

@@ -11,8 +11,8 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stateful_oracle import Asked, Follower, Sample
+from test_132_stateful import asked, walk
 from test_oracle import BANDS, SHAPES
-from test_stateful_queries import asked, walk
 from world import SECOND_US, World
 
 from semap.store.database.connection import connect
@@ -35,16 +35,16 @@ PAST = """
 """
 HELD = """
     select r.query_name, t.name, r.instance_name, n.since, r.region_id = any (w.region_ids || w.stateful_ids)
-    from semap.relation n join semap.region r using (region_id) join semap.track t using (track_id)
+    from semap.relation n join semap.region r using (query_id, instance_id) join semap.track t using (track_id)
     join semap.track_now w using (track_id)
-    where n.map_id = %s order by 1, 2, 3
+    where n.map_id = %s and n.confirmed order by 1, 2, 3
 """
-VERGES = """
+WAITING = """
     select r.query_name, t.name, r.instance_name, v.confirmed, v.pending, v.raw,
            case when v.pending <> v.confirmed then v.pending_at end,
            case when v.pending <> v.confirmed and v.raw <> v.confirmed then v.raw_at end
-    from semap.debounce_state v join semap.region r using (region_id) join semap.track t using (track_id)
-    where v.map_id = %s order by 1, 2, 3
+    from semap.relation v join semap.region r using (query_id, instance_id) join semap.track t using (track_id)
+    where v.map_id = %s and (v.raw <> v.pending or v.pending <> v.confirmed) order by 1, 2, 3
 """
 PRESENT = """
     select t.name, p.live, p.stamp, p.x_m, p.y_m, n.safe_until::text, cardinality(n.region_ids), cardinality(n.stateful_ids)
@@ -109,7 +109,7 @@ def shuffled(dice: random.Random, seen: list[Sample]) -> list[list[Sample]]:
 
 
 def told(world: World) -> list:
-    return [world.rows(statement, world.map_id) for statement in (STANDING, PAST, HELD, VERGES, PRESENT)]
+    return [world.rows(statement, world.map_id) for statement in (STANDING, PAST, HELD, WAITING, PRESENT)]
 
 
 @QUICK

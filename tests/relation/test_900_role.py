@@ -13,7 +13,7 @@ STATE = "insert into semap.track_state (track_id, stamp, x_m, y_m) values (1, no
 REFUSED = {
     "semap_ingest": [
         "delete from semap.instance", "update semap.abstraction set z_min_m = 0", "delete from semap.relation",
-        "insert into semap.relation values (1, 1, 1, 1, 1, now())", "update semap.track_now set live = true",
+        "insert into semap.relation (query_id, map_id, confirmed, pending, raw) values (1, 1, false, true, true)", "update semap.track_now set live = true",
         "delete from semap.relation_change", "delete from semap.event", "update semap.progress set event_seq = 9",
         "delete from semap.track_state", "update semap.rule set enabled = false",
         "update semap.track set source_id = 1", "update semap.source set map_id = 1",

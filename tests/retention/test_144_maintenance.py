@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from datetime import date, timedelta
 from threading import Event as Signal
@@ -20,10 +21,10 @@ from world import SECOND_US, World
 from semap.batch.recompute import Plan, recompute
 from semap.errors import InvalidInput
 from semap.rules.language.reading import parse_declaration
-from semap.store.database.connection import connect
+from semap.store.database.connection import connect, one_transaction
 from semap.store.operate import maintenance
 from semap.store.operate.maintenance import Maintained, maintain
-from semap.store.operate.retention import change_retention, read_retention
+from semap.store.operate.retention import Kind, Retention, change_retention, read_retention
 from semap.timeline.stamp import to_us
 from semap.worker.past import dry_run
 from semap.worker.why import explain
@@ -47,6 +48,11 @@ def some_states(days_ago: int, count: int = 50, track_id: int = 1) -> list[tuple
          None, 1.5, None, None)
         for n in range(count)
     ]  # fmt: skip
+
+
+def settings(dsn: str) -> Mapping[Kind, Retention]:
+    with one_transaction(dsn) as connection:
+        return read_retention(connection)
 
 
 def add_lines(world: World, *days_ago: int) -> None:
@@ -90,7 +96,7 @@ def test_each_kind_goes_at_its_own_age(world: World) -> None:
     assert done.dropped_rows == planned.dropped_rows
     assert stored(world.connection) == [bits(row) for ago in (9, 8, 5, 2, 1) for row in kept[ago]]
     assert world.one("select count(*) from semap.line_observation") == 1
-    gone = {kind: each.gone_before for kind, each in read_retention(world.connection).items()}
+    gone = {kind: each.gone_before for kind, each in settings(world.dsn).items()}
     assert gone == {"states": midnight(9), "lines": midnight(1), "changes": None, "events": None}
     assert maintain(world.dsn) == Maintained()
 
@@ -130,9 +136,9 @@ def test_cut_off_anywhere_nothing_is_lost_or_doubled(world: World) -> None:
             if steps > cut_at:
                 raise Cut
             if steps == cut_at:  # the server dies before it commits
-                with self._connection.transaction(force_rollback=True):
-                    self._connection.execute(statement, parameters)
-                raise Cut
+                with one_transaction(world.dsn, maintenance.ROLE) as dying:
+                    dying.execute(statement, parameters)
+                    raise Cut
             return asked(self, what, statement, parameters)
 
         with patch.object(maintenance._Maintenance, "_patiently", cut):
@@ -143,7 +149,7 @@ def test_cut_off_anywhere_nothing_is_lost_or_doubled(world: World) -> None:
         assert {row[:2] for row in stored(world.connection)} >= {row[:2] for row in kept}
         there = stored(world.connection)
         assert len(there) == len(set(there))
-        gone = read_retention(world.connection)["states"].gone_before
+        gone = settings(world.dsn)["states"].gone_before
         assert (len(there) == len(kept)) == (gone == midnight(10) or gone == midnight(19))
         maintain(world.dsn)
         assert stored(world.connection) == [bits(row) for row in kept]
@@ -202,6 +208,7 @@ def test_a_writer_of_the_very_day_is_not_lost(world: World, monkeypatch: pytest.
     monkeypatch.setattr(maintenance, "ATTEMPTS", 2)
     monkeypatch.setattr(maintenance, "PAUSE_S", 0.02)
     make_partitions(world.connection, 5)
+    maintain(world.dsn, stop=_after_days_ahead())
     with connect(world.dsn) as writer:
         track = world.add_track("t")
         writer.execute("begin")
@@ -314,19 +321,19 @@ def test_what_reads_what_is_gone_says_so(world: World, caplog: pytest.LogCapture
     ],
 )  # fmt: skip
 def test_an_age_that_cannot_be_is_refused(world: World, ages: dict, said: str) -> None:
-    before = read_retention(world.connection)
-    with pytest.raises(InvalidInput, match=said):
-        change_retention(world.connection, ages)
-    assert read_retention(world.connection) == before
+    before = settings(world.dsn)
+    with one_transaction(world.dsn) as connection, pytest.raises(InvalidInput, match=said):
+        change_retention(connection, ages)
+    assert settings(world.dsn) == before
 
 
 def test_ages_are_changed_one_by_one(world: World) -> None:
-    with connect(world.dsn, "semap_admin") as admin:
+    with one_transaction(world.dsn, "semap_admin") as admin:
         change_retention(admin, {"states": timedelta(days=90)})
         change_retention(admin, {"lines": timedelta(days=7)})
         change_retention(admin, {"states": None})
-        kept = read_retention(admin)
-    assert (kept["states"].drop_after, kept["lines"].drop_after) == (None, timedelta(days=7))
+    ages = {kind: each.drop_after for kind, each in settings(world.dsn).items()}
+    assert (ages["states"], ages["lines"]) == (None, timedelta(days=7))
 
 
 @pytest.mark.parametrize("role", ["semap_read", "semap_ingest", "semap_api", "semap_read_map"])

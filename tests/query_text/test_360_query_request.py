@@ -19,9 +19,11 @@ from world import World
 
 from semap.store.database.connection import connect, open_engine
 from semap.store.operate.maintenance import maintain
+from semap.store.relation import query_requests as answers
 from semap.store.relation.queries import declaration_from_sql, find_query
+from semap.store.relation.query_requests import answer_next
 from semap.worker import query_requests
-from semap.worker.query_requests import answer_next, answering
+from semap.worker.query_requests import answering
 
 IN_ROOM = "select r.name, t.name, t.position from track t, room r where ST_Contains(r.footprint, t.position)"
 MAKE = "call semap.await_continuous_query(semap.create_continuous_query(%s, %s), '20 s')"
@@ -268,7 +270,7 @@ def test_a_query_rests_works_again_and_goes(world: World, writer: psycopg.Connec
     world.add_states([(world.add_track("anna"), 1, 1.0, 1.0, None)])
     writer.execute(ASK, ["in_room", IN_ROOM])
     assert answer_all(world.dsn) == 1
-    holds = "select count(*) from semap.relation n join semap.continuous_query q using (query_id) where q.name = 'in_room'"
+    holds = "select count(*) from semap.relation n join semap.continuous_query q using (query_id) where n.confirmed and q.name = 'in_room'"
     state = "select state from semap.continuous_query_state('in_room')"
     for enabled, said, count in ((False, "resting", 0), (True, "kept", 1)):
         writer.execute("select semap.enable_continuous_query('in_room', %s)", [enabled])
@@ -307,7 +309,7 @@ def test_an_answer_that_is_cut_off_is_given_again(world: World, writer: psycopg.
     writer.execute(ASK, ["in_room", IN_ROOM])
     engine = open_engine(world.dsn, "semap_api", size=1)
     with (
-        patch.object(query_requests.func, "pg_notify", side_effect=KeyboardInterrupt, create=True),
+        patch.object(answers.func, "pg_notify", side_effect=KeyboardInterrupt, create=True),
         pytest.raises(KeyboardInterrupt),
     ):
         answer_next(engine)
@@ -324,14 +326,14 @@ def test_a_name_that_was_taken_meanwhile_and_a_fault_are_answers(
     writer.execute(ASK, ["twice", IN_ROOM])
     writer.execute(ASK, ["fault", IN_ROOM])
     writer.execute("insert into semap.continuous_query (map_id, name) values (%s, 'twice')", [world.map_id])
-    read = query_requests.declaration_from_sql
+    read = answers.declaration_from_sql
 
     def failing(connection, name, sql):
         if name == "fault":
             raise ZeroDivisionError("a fault")
         return read(connection, name, sql)
 
-    with patch.object(query_requests, "declaration_from_sql", failing):
+    with patch.object(answers, "declaration_from_sql", failing):
         assert answer_all(world.dsn) == 2
     rows = world.rows("select name, state, line, reason from semap.query_requests order by request_id")
     assert [row[:3] for row in rows] == [("twice", "refused", None), ("fault", "refused", None)]

@@ -1,0 +1,3 @@
+"""Which semap this is."""
+
+VERSION = "0.1.0"
