@@ -189,9 +189,22 @@ def _check_taken(call: Call, found: list[Kind], functions: Functions) -> None:
             _refuse(each, f"{call.op} of a {kind}", f"Give it a {' or '.join(allowed)}.")
 
 
+def _check_collections(call: Call) -> None:
+    """raises InvalidInput where PostGIS does not relate a collection of points, lines and areas"""
+    for each in call.args:
+        if isinstance(each, Shape) and each.geometry.geom_type == "GeometryCollection":
+            _refuse(
+                each,
+                f"{call.op} of a collection of points, lines and areas together",
+                "Ask it of each of its shapes, or ask S_INTERSECTS or S_DISJOINT.",
+            )
+
+
 def _check_kinds(call: Call, found: list[Kind], kinds: Kinds, functions: Functions) -> None:
     if call.op in COMPARISONS:
         _check_alike(call, found, ORDERED if call.op not in ("=", "<>") else (*ORDERED, "boolean"))
+    elif call.op in SPATIAL and call.op not in ("s_intersects", "s_disjoint"):
+        _check_collections(call)
     elif call.op == "between":
         _check_alike(call, found, ORDERED)
     elif call.op == "like":

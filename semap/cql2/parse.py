@@ -20,31 +20,45 @@ LONGEST = 8_000
 """Characters of a text."""
 
 MOST_PARTS = 2_000
-SHAPES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon")
+SHAPES = (
+    "Point",
+    "MultiPoint",
+    "LineString",
+    "MultiLineString",
+    "Polygon",
+    "MultiPolygon",
+    "GeometryCollection",
+)
 LITERALS = ("property", "timestamp", "date", "interval", "bbox", "type", "op")
 CANONICAL = {name.lower(): name for name in OPERATORS}
 
 
 def parse(
-    source: str | Mapping[str, object] | bool, place: str = "filter", functions: Collection[str] = ()
+    source: str | Mapping[str, object] | bool,
+    place: str = "filter",
+    functions: Collection[str] = (),
+    *,
+    degrees: bool = False,
 ) -> Expression:
     """A filter from CQL2 text, or from CQL2 JSON that is read already.
 
     place      how messages call it
     functions  that are known beside CQL2's own; they may also stand as ends of an interval
+    degrees    whether shapes are in longitude and latitude, so that a box may cross the antimeridian
     raises     InvalidInput with the place that cannot be read
     """
     if isinstance(source, str) and len(source) > LONGEST:
         raise InvalidInput(f"more than {LONGEST} characters", "Use CQL2 JSON, or a shorter filter.", place)
     document = read_text(source, place) if isinstance(source, str) else source
-    return _Reader(functions).expression(document, place, 0)
+    return _Reader(functions, degrees=degrees).expression(document, place, 0)
 
 
 class _Reader:
     """Makes the tree and counts its parts."""
 
-    def __init__(self, functions: Collection[str]) -> None:
+    def __init__(self, functions: Collection[str], *, degrees: bool) -> None:
         self.count = 0
+        self.degrees = degrees
         self.functions = {name.lower(): name for name in functions}
 
     def expression(self, value: object, place: str, depth: int) -> Expression:
@@ -71,8 +85,10 @@ class _Reader:
                 first = self._end_of(start, f"{place}[0]", depth)
                 return Interval(first, self._end_of(end, f"{place}[1]", depth), place)
             case {"bbox": list(bounds), **rest} if not rest:
-                return _bbox(bounds, place)
-            case {"type": str(), "coordinates": list() | tuple()}:
+                return _bbox(bounds, place, degrees=self.degrees)
+            case {"type": "GeometryCollection", "geometries": list() | tuple()}:
+                return _shape(value, place)
+            case {"type": str(kind), "coordinates": list() | tuple()} if kind != "GeometryCollection":
                 return _shape(value, place)
         raise InvalidInput(
             "it is none of " + ", ".join(LITERALS), f"Give a part as CQL2 JSON writes it. {STANDARD}", place
@@ -138,13 +154,16 @@ def _end_of(value: object, place: str) -> Instant | Property | None:
     raise InvalidInput("it is no end of an interval", "Give a time, a date, a property or '..'.", place)
 
 
-def _bbox(bounds: list[object], place: str) -> Shape:
+def _bbox(bounds: list[object], place: str, *, degrees: bool) -> Shape:
     if len(bounds) not in (4, 6) or not all(isinstance(each, int | float) for each in bounds):
         raise InvalidInput(
             "a box that is not of four or six numbers", "Give BBOX(x_min, y_min, x_max, y_max).", place
         )
     half = len(bounds) // 2
     x_min, y_min, x_max, y_max = (_number(each, place) for each in (*bounds[:2], *bounds[half : half + 2]))  # type: ignore[arg-type]
+    if degrees and 180 >= x_min > x_max >= -180 and y_min < y_max:
+        parts = [shapely.box(x_min, y_min, 180, y_max), shapely.box(-180, y_min, x_max, y_max)]
+        return Shape(shapely.multipolygons([part for part in parts if part.area]), place)
     if not (x_min < x_max and y_min < y_max):
         raise InvalidInput("a box without an area", "Give the lower corner first.", place)
     return Shape(shapely.box(x_min, y_min, x_max, y_max), place)
@@ -156,7 +175,14 @@ def _shape(value: object, place: str) -> Shape:
         raise InvalidInput(f"there is no shape {value['type']}", f"Give one of {', '.join(SHAPES)}.", place)
     try:
         read = shapely.force_2d(shape(value))
-    except (ValueError, TypeError, IndexError, shapely.errors.GEOSException) as error:
+    except (
+        ValueError,
+        TypeError,
+        IndexError,
+        KeyError,
+        AttributeError,
+        shapely.errors.GEOSException,
+    ) as error:
         raise InvalidInput(f"coordinates that are no {value['type']}", "Close each ring.", place) from error
     if not np.isfinite(shapely.get_coordinates(read)).all():
         raise InvalidInput("coordinates that are not finite", "Give numbers.", place)
@@ -166,4 +192,16 @@ def _shape(value: object, place: str) -> Shape:
             "Give a valid shape in metres of the map.",
             place,
         )
-    return Shape(read, place)
+    return Shape(_alike(read), place)
+
+
+def _alike(read: shapely.Geometry) -> shapely.Geometry:
+    """A collection of shapes of one dimension as one shape; another as it is, within no other."""
+    if read.geom_type != "GeometryCollection":
+        return read
+    inner = shapely.get_parts(read)
+    while any(part.geom_type == "GeometryCollection" for part in inner):
+        inner = shapely.get_parts(inner)
+    if len({int(shapely.get_dimensions(part)) for part in inner}) == 1:
+        return shapely.union_all(inner)
+    return shapely.geometrycollections(inner)

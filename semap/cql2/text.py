@@ -1,6 +1,6 @@
 """The text form of CQL2, read to what its JSON form says: operator precedence climbing over tokens.
 
-From loose to tight: or, and, not, comparisons, + -, * / % div, ^, a sign. The time that it takes is in
+From loose to tight: or, and, not, comparisons, + - ||, * / % div, ^, a sign. The time that it takes is in
 proportion to the length of the text.
 """
 
@@ -26,14 +26,14 @@ TOKEN = re.compile(
       | (?P<text>'(?:''|\\'|[^'])*')
       | (?P<quoted>"(?:""|[^"])*")
       | (?P<name>[^\W\d][\w.:]*)
-      | (?P<sign><>|<=|>=|[=<>+\-*/%^(),])""",
+      | (?P<sign><>|<=|>=|\|\||[=<>+\-*/%^(),])""",
     re.VERBOSE,
 )
 BINARY = {
     "or": 1,
     "and": 2,
     **dict.fromkeys(("=", "<>", "<", "<=", ">", ">="), 4),
-    **dict.fromkeys(("+", "-"), 5),
+    **dict.fromkeys(("+", "-", "||"), 5),
     **dict.fromkeys(("*", "/", "%", "div"), 6),
     "^": 7,
 }

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 from semap.rules.row import Row
+
+NO_VARIABLE = ""
+"""What the row is bound to at which an empty match stands."""
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -34,18 +38,31 @@ def chained(rows: Iterable[tuple[str, Row]]) -> Bound | None:
     return bound
 
 
+class Asked(NamedTuple):
+    """The first or the last row that is bound to one of the variables (None: any), or rows so far from it."""
+
+    end: Literal["first", "last"]
+    variables: frozenset[str] | None
+    offset: int
+
+    def rows(self, bound: Bound) -> tuple[int, ...]:
+        """The identities of these rows and of those between it and that end, the latest first."""
+        among = self.variables
+        found = [id(each.row) for each in bound.latest_first() if among is None or each.variable in among]
+        return tuple(found[: self.offset + 1] if self.end == "last" else found[-self.offset - 1 :])
+
+
 @dataclass(frozen=True)
 class Condition:
     """A condition in CQL2, compiled.
 
     test           whether it is true of a row, by the row alone; None where it reads more than that
-    test_bound     the same with the rows bound so far and the row before it in its key (None: none known).
-                   Where the row is about to be bound, it is the head of the chain
+    test_bound     the same with the rows bound so far; where the row is about to be bound, it is the head
     reads          properties of rows that it reads
-    reads_before   whether it reads the row before (prev)
+    asked          which of the rows bound it asks, of which variables; None: it may ask all
     """
 
     test: Callable[[Row], bool] | None
-    test_bound: Callable[[Row, Bound | None, Row | None], bool]
+    test_bound: Callable[[Row, Bound | None], bool]
     reads: frozenset[str] = frozenset()
-    reads_before: bool = False
+    asked: frozenset[Asked] | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from semap.rules.bound import Bound, Condition
-from semap.rules.condition import compile_condition, compile_measure
+from semap.rules.condition import compile_condition, compile_measure, counts_matches, neighbours_in
 from semap.rules.confidence import confidence_of
 from semap.rules.declaration import (
     AfterMatch,
@@ -18,11 +18,19 @@ from semap.rules.declaration import (
 from semap.rules.edges_program import EdgesProgram
 from semap.rules.finish import Finish
 from semap.rules.interval.interval_program import IntervalProgram
-from semap.rules.matching.pattern_program import PatternProgram
-from semap.rules.pattern import Node
+from semap.rules.matching.automaton import FOREVER_US, Automaton
+from semap.rules.matching.neighbours import Neighbours
+from semap.rules.matching.pattern_program import ALL_MATCHES, PatternProgram
+from semap.rules.matching.sharing import compile_program
+from semap.rules.matching.surrounded_program import SurroundedProgram
+from semap.rules.matching.telling import Emits, Raw, Telling
+from semap.rules.pattern import Node, has_begin
 from semap.rules.program import Program
 from semap.rules.row import Row, Value
 from semap.rules.temporal.formula_program import FormulaProgram
+
+OUTCOMES = ("match", "timeout", "empty", "unmatched")
+"""Of row patterns, for which `emit` may name events."""
 
 
 def compile_rule(declaration: Declaration) -> Program:
@@ -35,7 +43,7 @@ def compile_rule(declaration: Declaration) -> Program:
         case Edges():
             return EdgesProgram(emit, compile_finish(declaration))
         case RowPattern(node):
-            return compile_pattern(declaration, node, declaration.after_match)
+            return _pattern_program(declaration, node)
         case IntervalPattern(left, relations, right):
             return IntervalProgram(
                 left,
@@ -50,20 +58,51 @@ def compile_rule(declaration: Declaration) -> Program:
             return FormulaProgram(formula, when, _conditions(declaration), emit, compile_finish(declaration))
 
 
-def compile_pattern(declaration: Declaration, node: Node, after_match: AfterMatch) -> PatternProgram:
-    """The program of a row pattern, with the other clauses of the declaration.
+def neighbours_of(declaration: Declaration, node: Node) -> Neighbours:
+    """What the rows of a row pattern are to say of those around them."""
+    read = [*declaration.define.values(), *declaration.measures.values()]
+    window_us = declaration.within.match_us
+    return Neighbours(
+        frozenset().union(*map(neighbours_in, read)),
+        has_begin(node),
+        FOREVER_US if window_us is None else window_us,
+    )
 
-    raises InvalidInput as `PatternProgram.compile`
+
+def compile_attempts(declaration: Declaration, node: Node, after_match: AfterMatch) -> PatternProgram:
+    """The program of a row pattern alone, of which each attempt is known by itself.
+
+    Its rows say already what it asks of their neighbours.
     """
-    return PatternProgram.compile(
+    keep_all = after_match.skip in ALL_MATCHES
+    automaton = Automaton(node, _conditions(declaration), declaration.within, keep_all=keep_all)
+    times_out = "timeout" in declaration.emit
+    return PatternProgram(automaton, after_match, _telling(declaration), times_out=times_out, shares=False)
+
+
+def _telling(declaration: Declaration) -> Telling:
+    emits = Emits(**{outcome: declaration.emit.get(outcome) for outcome in OUTCOMES})
+    return Telling(emits, compile_finish(declaration), declaration.each_row)
+
+
+def _pattern_program(declaration: Declaration, node: Node) -> Program:
+    neighbours = neighbours_of(declaration, node)
+    is_counted = any(map(counts_matches, declaration.measures.values()))
+    is_plain = neighbours == Neighbours(window_us=neighbours.window_us)
+    is_surrounded = not is_plain or is_counted or "unmatched" in declaration.emit
+    telling = _telling(declaration)
+    program = compile_program(
         node,
         _conditions(declaration),
         declaration.within,
-        after_match,
-        declaration.emit.get("match"),
-        declaration.emit.get("timeout"),
-        compile_finish(declaration),
+        declaration.after_match,
+        Raw() if is_surrounded else telling,
+        times_out="timeout" in declaration.emit,
+        in_order=is_counted,
+        # which rows are in a match is known by all matches, and by the attempts under way
+        shares="unmatched" not in declaration.emit,
     )
+    return SurroundedProgram(program, neighbours, telling, is_counted) if is_surrounded else program
 
 
 def compile_where(declaration: Declaration) -> Callable[[Row], bool] | None:
@@ -71,7 +110,7 @@ def compile_where(declaration: Declaration) -> Callable[[Row], bool] | None:
     if declaration.where is None:
         return None
     condition = compile_condition(declaration.where)
-    return condition.test or (lambda row: condition.test_bound(row, None, None))
+    return condition.test or (lambda row: condition.test_bound(row, None))
 
 
 def compile_finish(declaration: Declaration) -> Finish:
@@ -81,14 +120,19 @@ def compile_finish(declaration: Declaration) -> Finish:
     if confidence is None:
         nothing: tuple[Mapping[str, Value], None] = ({}, None)
         if not measures:
-            return lambda bound, stamp_us: nothing
-        return lambda bound, stamp_us: ({name: measure(bound) for name, measure in measures.items()}, None)
+            return lambda bound, stamp_us, whole=None, number=0: nothing
+        return lambda bound, stamp_us, whole=None, number=0: (
+            {name: measure(bound, whole or bound, number) for name, measure in measures.items()},
+            None,
+        )
 
-    def finish(bound: Bound, stamp_us: int) -> tuple[Mapping[str, Value], float | None] | None:
-        sureness = confidence_of(confidence, bound)
+    def finish(
+        bound: Bound, stamp_us: int, whole: Bound | None = None, number: int = 0
+    ) -> tuple[Mapping[str, Value], float | None] | None:
+        sureness = confidence_of(confidence, whole or bound)
         if sureness is not None and sureness < confidence.at_least:
             return None
-        return {name: measure(bound) for name, measure in measures.items()}, sureness
+        return {name: measure(bound, whole or bound, number) for name, measure in measures.items()}, sureness
 
     return finish
 

@@ -1,31 +1,27 @@
 """Conditions and measures of rules: CQL2 text that may also ask of the rows bound so far.
 
 A property alone is of the row asked about (in a measure: of the last row bound). `A.x` and `last(A.x)` are of
-the last row bound to the variable A, `first(A.x)` of the first; `count`, `sum`, `avg`, `min` and `max` are of
-all. A alone stands for A.stamp in `first(A)`, `last(A)` and `count(A)`. `prev(x)` is of the row before in the
-key, and `seconds_between(a, b)` is b - a.
+the last row bound to the variable A, `first(A.x)` of the first, `last(A.x, 2)` of the second before the last;
+without a variable they are of all rows bound. Aggregates (`count`, `sum`, `array` ...) are of all rows of a
+variable, or of all. A alone stands for A.stamp in `first(A)`, `last(A)` and `count(A)`. `prev(x, n)` and
+`next(x, n)` are of rows around a row in its key, whatever binds them, `classifier()` is the variable that a
+row is bound to, `match_number()` the number of the match, and `seconds_between(a, b)` is b - a.
 
-Read, each of these is one form: a call of a function with the name of the variable and the property.
+Read, what asks of variables is one form: a call of a function with the name of the variable and what is asked
+of each of its rows (`naming`).
 """
 
 from __future__ import annotations
 
 import ast
-import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from semap.cql2 import (
-    Array,
     Call,
     Expression,
-    Function,
     Functions,
-    Instant,
-    Interval,
-    Kind,
-    Kinds,
     Literal,
     Property,
     check,
@@ -39,69 +35,80 @@ from semap.cql2.logic import Code, code
 from semap.cql2.text import place_of
 from semap.cql2.value import instant_text, json_at
 from semap.errors import InvalidInput
-from semap.rules.binding import AGGREGATES, NAVIGATION, seconds_between
-from semap.rules.bound import Bound, Condition
+from semap.rules import binding, scalar
+from semap.rules.binding import AGGREGATES
+from semap.rules.bound import Asked, Bound, Condition
+from semap.rules.matching.neighbours import Neighbour
+from semap.rules.naming import FUNCTIONS, OF_BOUND, SHIFTS, Label, Naming, Subsets
 from semap.rules.row import PROPERTIES, Value
 
-VARIABLE: tuple[Kind, ...] = ("text",)
-ANY_KIND: tuple[Kind, ...] = ("boolean", "number", "text", "instant", "shape", "array", "any")
-FUNCTIONS: Functions = {
-    **dict.fromkeys(NAVIGATION, Function((VARIABLE, ANY_KIND))),
-    "count": Function((VARIABLE, ANY_KIND), "number"),
-    **dict.fromkeys(("sum", "avg"), Function((VARIABLE, ("number",)), "number")),
-    **dict.fromkeys(("min", "max"), Function((VARIABLE, ("number", "text", "instant")))),
-    "prev": Function((ANY_KIND,)),
-    "seconds_between": Function((("instant",), ("instant",)), "number"),
-}
-OF_BOUND = (*NAVIGATION, *AGGREGATES)
-NAMES: Mapping[str, object] = {
+NAMES: dict[str, object] = {
     "json_at": json_at,
-    "seconds_between": seconds_between,
-    **NAVIGATION,
-    **{f"{name}_of": function for name, function in AGGREGATES.items()},
+    "seconds_between": binding.seconds_between,
+    "EVERY": binding.EVERY,
+    "first": binding.first,
+    "last": binding.last,
+    "first_of": binding.first_of,
+    "last_of": binding.last_of,
+    "values": binding.values,
+    "values_of": binding.values_of,
+    "variable_at": binding.variable_at,
+    **{f"{name}_of_all": function for name, function in AGGREGATES.items()},
+    **{scalar.CODE_NAMES[name]: function for name, function in scalar.CALLED.items()},
 }
 """Of functions, as code calls them."""
 
-OF_STAMP = ("first", "last", "count")
-"""Those that may be given a variable alone."""
+OF_THE_WHOLE = ("final", "match_number")
 
 
-def read_condition(text: str, place: str, variables: frozenset[str]) -> Expression:
+def read_condition(
+    text: str, place: str, variables: frozenset[str], subsets: Subsets | None = None
+) -> Expression:
     """A condition on a row.
 
     place      how messages call it
     variables  that it may ask of; none before rows are partitioned
+    subsets    names for several of them
     raises     InvalidInput with the line and character; without, if it is about all of it
     """
-    return _read(text, place, variables, _check_condition)
+    return _read(text, place, Naming(variables, subsets or {}), _check_condition)
 
 
-def read_measure(text: str, place: str, variables: frozenset[str]) -> Expression:
+def read_measure(
+    text: str, place: str, variables: frozenset[str], subsets: Subsets | None = None
+) -> Expression:
     """What is measured of a match: a value of any kind but a shape or an interval.
 
     raises  InvalidInput as `read_condition`
     """
-    return _read(text, place, variables, _check_measure)
+    return _read(text, place, Naming(variables, subsets or {}), _check_measure)
 
 
 def compile_condition(expression: Expression) -> Condition:
     """A condition that `read_condition` gave."""
-    test = compile_filter(expression, _rows("row", "row, bound=None, before=None"))
-    asked = {part.op for part in parts(expression) if isinstance(part, Call)}
-    by_row_alone = asked.isdisjoint((*OF_BOUND, "prev"))
-    return Condition(test if by_row_alone else None, test, reads(expression), "prev" in asked)
+    test = compile_filter(expression, _rows("row", "row, bound=None"))
+    return Condition(None if asks_bound(expression) else test, test, reads(expression), _asked(expression))
 
 
-def compile_measure(expression: Expression) -> Callable[[Bound], Value]:
-    """What the rows of a match, the last one first, give; it is JSON, instants being RFC 3339 texts."""
-    measured = compile_expression(expression, _rows("bound.row", "bound"))
-    match kind_of(expression, PROPERTIES, FUNCTIONS):
-        case "instant":
-            return lambda bound: instant_text(measured(bound))
-        case "number":
-            return lambda bound: _finite(measured(bound))
-        case "array":
-            return lambda bound: None if (found := measured(bound)) is None else list(found)
+def compile_measure(expression: Expression) -> Callable[[Bound, Bound, int], Value]:
+    """What is measured of rows, the last one first, of the whole match and of its number; it is JSON.
+
+    Instants are RFC 3339 texts.
+    """
+    measured = compile_expression(expression, _rows("bound.row", "bound, whole, number"))
+    kind = kind_of(expression, PROPERTIES, FUNCTIONS)
+    if kind == "instant":
+        return lambda bound, whole, number: instant_text(measured(bound, whole, number))
+    if kind == "number":
+        return lambda bound, whole, number: _finite(measured(bound, whole, number))
+    if kind == "array":
+        each = instant_text if _is_of_instants(expression) else _finite
+
+        def listed(bound: Bound, whole: Bound, number: int) -> Value:
+            found = measured(bound, whole, number)
+            return None if found is None else [each(value) for value in found]
+
+        return listed
     return measured
 
 
@@ -113,11 +120,55 @@ def reads(expression: Expression) -> frozenset[str]:
     return frozenset(found)
 
 
-def _read(
-    text: str, place: str, variables: frozenset[str], check_read: Callable[[Expression], None]
-) -> Expression:
+def asks_bound(expression: Expression) -> bool:
+    """Whether it asks of more than the row, and what this says of its neighbours."""
+    return any(
+        isinstance(part, Call) and part.op in (*OF_BOUND, "classifier", "classifier_near")
+        for part in parts(expression)
+    )
+
+
+def _asked(expression: Expression) -> frozenset[Asked] | None:
+    """Which of the rows bound it asks; None where it may be all."""
+    found = set()
+    for part in parts(expression):
+        match part:
+            case Call(
+                op="first" | "last" as end,
+                args=(Literal(value=Label() as label), Literal(value=int(offset)), Property()),
+            ):
+                found.add(Asked(end, label.variables, offset))
+            case Call(op=op) if op in (*OF_BOUND, "classifier", "classifier_near"):
+                return None
+    return frozenset(found)
+
+
+def asks_of_pattern(expression: Expression) -> str:
+    """What it asks that only a row pattern can say; empty where it asks nothing such."""
+    asked = (part.op for part in parts(expression) if isinstance(part, Call))
+    return next((op for op in asked if op in (*SHIFTS, "classifier", *OF_THE_WHOLE)), "")
+
+
+def counts_matches(expression: Expression) -> bool:
+    """Whether it reads the number of a match."""
+    return any(isinstance(part, Call) and part.op == "match_number" for part in parts(expression))
+
+
+def neighbours_in(expression: Expression) -> frozenset[Neighbour]:
+    """What it reads of the rows around a row."""
+    found = set()
+    for part in parts(expression):
+        match part:
+            case Call(op="prev" | "next" as op, args=(Literal(value=int(offset)), Property(name=name))):
+                found.add(Neighbour(op, offset, name.partition(".")[0]))
+            case Call(op="classifier_near", args=(Literal(value=int(offset)),)):
+                found.add(Neighbour("prev", offset, ""))
+    return frozenset(found)
+
+
+def _read(text: str, place: str, naming: Naming, check_read: Callable[[Expression], None]) -> Expression:
     try:
-        expression = _Naming(variables).named(parse(text, place, FUNCTIONS))
+        expression = naming.named(parse(text, place, FUNCTIONS))
         check_read(expression)
     except InvalidInput as error:
         if not error.where.startswith((f"{place}.", f"{place}[")):
@@ -129,6 +180,11 @@ def _read(
 
 def _check_condition(expression: Expression) -> None:
     check(expression, PROPERTIES, FUNCTIONS)
+    for part in parts(expression):
+        if isinstance(part, Call) and part.op in OF_THE_WHOLE:
+            _refuse(
+                part, f"{part.op} in a condition", "It is known once the match is: ask for it in measures."
+            )
 
 
 def _check_measure(expression: Expression) -> None:
@@ -136,102 +192,77 @@ def _check_measure(expression: Expression) -> None:
     kind = kind_of(expression, PROPERTIES, FUNCTIONS)
     if kind in ("shape", "interval"):
         _refuse(expression, f"a measure that is a {kind}", "Measure a number, text, time or truth value.")
-    for part in parts(expression):
-        if isinstance(part, Call) and part.op == "prev":
-            _refuse(part, "prev in a measure", "Ask for it in a condition, or bind that row to a variable.")
 
 
-class _Naming:
-    """Makes one form of what asks of variables."""
-
-    def __init__(self, variables: frozenset[str]) -> None:
-        self.variables = variables
-
-    def named(self, part: Expression) -> Expression:
-        match part:
-            case Property():
-                return self.property(part)
-            case Call(op=op, args=(Property() as asked,)) if op in OF_BOUND:
-                return self.of_bound(op, asked, part.place)
-            case Call(op=op) if op in OF_BOUND:
-                _refuse(part, f"{op} of something else than a variable", f"Write {op}(A.stamp).")
-            case Call(op="prev", args=args):
-                if len(args) != 1 or not isinstance(args[0], Property) or self.variable(args[0]):
-                    _refuse(part, "prev of something else than a property", "Write prev(type).")
-            case Call(op=op, args=args):
-                return Call(op, tuple(self.named(each) for each in args), part.place)
-            case Array(items=items):
-                return Array(tuple(self.named(each) for each in items), part.place)
-            case Interval(start=start, end=end):
-                return Interval(self.end(start), self.end(end), part.place)
-        return part
-
-    def end(self, part: Instant | Property | Call | None) -> Instant | Property | Call | None:
-        found = None if part is None else self.named(part)
-        return found if isinstance(found, Instant | Property | Call) else None
-
-    def variable(self, asked: Property) -> str:
-        """The variable that is asked of; empty where it is the row."""
-        head, _, rest = asked.name.partition(".")
-        return head if head in self.variables and (rest or asked.name not in PROPERTIES) else ""
-
-    def property(self, asked: Property) -> Expression:
-        head, _, rest = asked.name.partition(".")
-        if self.variable(asked):
-            if not rest:
-                _refuse(asked, f"{head} is a variable", f"Ask of its rows: {head}.stamp, count({head}).")
-            return self.of_bound("last", asked, asked.place)
-        if head not in PROPERTIES:
-            what = "neither a property nor a variable" if rest else "no property"
-            _refuse(asked, f"there is {what} {head}", self.hint(head, PROPERTIES))
-        return asked
-
-    def of_bound(self, op: str, asked: Property, place: str) -> Expression:
-        head, _, rest = asked.name.partition(".")
-        if head not in self.variables:
-            _refuse(asked, f"there is no variable {head}", self.hint(head, {}))
-        if not rest and op not in OF_STAMP:
-            _refuse(asked, f"{op} of no property", f"Name one: {op}({head}.duration_s).")
-        return Call(op, (Literal(head, asked.place), Property(rest or "stamp", asked.place)), place)
-
-    def hint(self, name: str, kinds: Kinds) -> str:
-        """What may have been meant, and what there is."""
-        known = [*sorted(self.variables), *kinds]
-        near = difflib.get_close_matches(name, known, n=1)
-        meant = f"Did you mean {near[0]}? " if near else ""
-        variables = ", ".join(sorted(self.variables)) or "none"
-        properties = f"; the properties are {', '.join(kinds)}" if kinds else ""
-        return f"{meant}The variables are {variables}{properties}."
+def _is_of_instants(expression: Expression) -> bool:
+    match expression:
+        case Call(op="final", args=(inner,)):
+            return _is_of_instants(inner)
+        case Call(op="array" | "distinct", args=(_, inner)):
+            return kind_of(inner, PROPERTIES, FUNCTIONS) == "instant"
+    return False
 
 
 def _rows(row: str, parameters: str) -> Subject:
     """Rows as what is asked of; `row` is code of the one whose properties stand alone."""
+    functions: Functions = FUNCTIONS
     return Subject(
         kinds=PROPERTIES,
         parameters=parameters,
         property_of=lambda name: code(f"{row}.values.get(NAME)", NAME=ast.Constant(name)),
         is_a=lambda concept: code(f"CONCEPT in {row}.concepts", CONCEPT=ast.Constant(concept)),
-        functions=FUNCTIONS,
-        function_of=_function,
+        functions=functions,
+        function_of=lambda call, args: _function(row, call, args),
         names=NAMES,
     )
 
 
-def _function(call: Call, args: Sequence[Code]) -> Code:
-    """By `bound`, the rows bound so far, and `before`, the row before in the key."""
+def _function(row: str, call: Call, args: Sequence[Code]) -> Code:
+    """By `bound`, the rows bound so far, and what a row says of its neighbours."""
     match call:
-        case Call(op="prev", args=(Property(name=name),)):
+        case Call(op="prev" | "next" as op, args=(Literal(value=int(offset)), Property(name=name))):
             head, *keys = name.split(".")
-            found = code("None if before is None else before.values.get(NAME)", NAME=ast.Constant(head))
-            return _at(found, keys)
-        case Call(op=op, args=(Literal(value=str(variable)), Property(name=name))):
-            head, *keys = name.split(".")
-            asked = {"VARIABLE": ast.Constant(variable), "NAME": ast.Constant(head)}
-            if op in NAVIGATION:
-                return _at(code(f"{op}(bound, VARIABLE, NAME)", **asked), keys)
-            return code(f"{op}_of(bound, VARIABLE, NAME, KEYS)", **asked, KEYS=_keys(keys))
+            column = ast.Constant(Neighbour(op, offset, head).column)
+            return _at(code(f"{row}.values.get(NAME)", NAME=column), keys)
+        case Call(
+            op="first" | "last" as op, args=(Literal(value=Label() as label), Literal(value=int(n)), asked)
+        ):
+            variables = {"VARIABLES": _variables(label)}
+            if isinstance(asked, Property) and n == 0:
+                head, *keys = asked.name.split(".")
+                return _at(code(f"{op}(bound, VARIABLES, NAME)", NAME=ast.Constant(head), **variables), keys)
+            value = code("lambda bound, row: VALUE", VALUE=args[2])
+            return code(f"{op}_of(bound, VARIABLES, OFFSET, VALUE)", OFFSET=args[1], VALUE=value, **variables)
+        case Call(op=op, args=(Literal(value=Label() as label), asked)) if op in AGGREGATES:
+            variables = {"VARIABLES": _variables(label)}
+            if isinstance(asked, Property):
+                head, *keys = asked.name.split(".")
+                asked_of = {"NAME": ast.Constant(head), "KEYS": _keys(keys)}
+                found = code("values(bound, VARIABLES, NAME, KEYS)", **asked_of, **variables)
+            else:
+                value = code("lambda bound, row: VALUE", VALUE=args[1])
+                found = code("values_of(bound, VARIABLES, VALUE)", VALUE=value, **variables)
+            return code(f"{op}_of_all(FOUND)", FOUND=found)
+        case Call(op="classifier"):
+            return code("None if bound is None else (str(bound.variable) or None)")
+        case Call(op="classifier_near", args=(Literal(value=int(offset)),)):
+            column = ast.Constant(Neighbour("prev", offset, "").column)
+            return code(f"variable_at(bound, {row}.values.get(NAME))", NAME=column)
+        case Call(op="match_number"):
+            return code("number")
+        case Call(op="final"):
+            return code("(lambda bound: VALUE)(whole)", VALUE=args[0])
+        case Call(op=op) if op in scalar.CALLED:
+            return ast.Call(ast.Name(scalar.CODE_NAMES[op], ast.Load()), list(args), [])
     start, end = args
     return code("seconds_between(START, END)", START=start, END=end)
+
+
+def _variables(label: Label) -> Code:
+    if label.variables is None:
+        return code("EVERY")
+    # a tuple of one is looked through faster than a set is asked
+    return ast.Tuple([ast.Constant(name) for name in sorted(label.variables)], ast.Load())
 
 
 def _at(found: Code, keys: Sequence[str]) -> Code:

@@ -42,12 +42,26 @@ class Windows:
     variables: Mapping[str, int] = field(default_factory=dict)
 
 
+TOLD_AT_MOST = 1_000
+"""Of the matches that end at one row, where a rule does not say how many."""
+
+Skip: TypeAlias = Literal["none", "clear", "to next", "past last", "to first", "to last"]
+
+
 @dataclass(frozen=True)
 class AfterMatch:
-    """Where the next match may begin."""
+    """Where the next match may begin.
 
-    skip: Literal["none", "to next", "past last", "to first", "to last"] = "past last"
-    variable: str = ""
+    clear      all matches that end at one row, then none that has begun by then
+    variables  to the first or last row bound to one of these
+    strict     whether it is an error that there is none, or that it is the first row of the match
+    at_most    so many matches are told of those that end at one row (none, clear)
+    """
+
+    skip: Skip = "past last"
+    variables: frozenset[str] = frozenset()
+    strict: bool = False
+    at_most: int = TOLD_AT_MOST
 
 
 @dataclass(frozen=True)
@@ -104,6 +118,8 @@ class Declaration:
 
     emit      names of events: by the type of a row (edges), else by match, timeout, holds, fails
     define    the condition of each variable
+    each_row  whether each row of a match makes an event
+    subsets   names for several variables each
     about     the variable whose instance an event is about; None: that of the match's last row
     document  its clauses as JSON, without the name: what is stored
     """
@@ -118,6 +134,8 @@ class Declaration:
     measures: Mapping[str, Expression] = field(default_factory=dict)
     within: Windows = field(default_factory=Windows)
     after_match: AfterMatch = field(default_factory=AfterMatch)
+    each_row: bool = False
+    subsets: Mapping[str, frozenset[str]] = field(default_factory=dict)
     about: str | None = None
     confidence: Confidence | None = None
     document: Mapping[str, object] = field(default_factory=dict)

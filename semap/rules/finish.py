@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import TypeAlias
 
-from semap.rules.bound import Bound, chained
+from semap.rules.bound import chained
 from semap.rules.program import Match
 from semap.rules.row import Row, Value
 
-Finish: TypeAlias = Callable[[Bound, int], tuple[Mapping[str, Value], float | None] | None]
-"""Measures and confidence of the rows bound (the last first) at a stamp [us]; None: they make no match."""
+Finish: TypeAlias = Callable[..., tuple[Mapping[str, Value], float | None] | None]
+"""Measures and confidence of the rows bound (the last first) at a stamp [us]; None: they make no match.
+
+Where they are not the whole match, or it has a number in its partition, these follow: (bound, stamp_us,
+whole, number).
+"""
 
 
 def finished(

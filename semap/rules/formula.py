@@ -1,4 +1,4 @@
-"""Formulas of metric temporal logic as values. Bounds are microseconds from now, both included."""
+"""Formulas of metric temporal logic as values. Bounds, both included, are microseconds from now, or back."""
 
 from __future__ import annotations
 
@@ -61,4 +61,43 @@ class Until:
     to_us: int | None = None
 
 
-Formula: TypeAlias = Atom | Constant | Not | And | Or | Always | Eventually | Until
+@dataclass(frozen=True)
+class Once:
+    """At some moment of the window, which lies in the past."""
+
+    inner: Formula
+    from_us: int = 0
+    to_us: int | None = None
+
+
+@dataclass(frozen=True)
+class Historically:
+    """At every moment of the window, which lies in the past."""
+
+    inner: Formula
+    from_us: int = 0
+    to_us: int | None = None
+
+
+@dataclass(frozen=True)
+class Since:
+    """`right` at some moment of the past window, and `left` at every moment after it until now."""
+
+    left: Formula
+    right: Formula
+    from_us: int = 0
+    to_us: int | None = None
+
+
+@dataclass(frozen=True)
+class Previous:
+    """At the last moment before now at which a row came, if that lies in the past window."""
+
+    inner: Formula
+    from_us: int = 0
+    to_us: int | None = None
+
+
+Future: TypeAlias = Always | Eventually | Until
+Past: TypeAlias = Once | Historically | Since | Previous
+Formula: TypeAlias = Atom | Constant | Not | And | Or | Future | Past

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import inf
 
 from semap.rules.declaration import Declaration, IntervalPattern, RowPattern, TemporalFormula
-from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.temporal.metric import back_us, horizon_us
 
 
 def lookback_us(declarations: Iterable[Declaration]) -> float:
@@ -29,20 +29,5 @@ def _alone_us(declaration: Declaration) -> float:
             match_us = declaration.within.match_us
             return inf if match_us is None else match_us
         case TemporalFormula(formula=formula):
-            return horizon_us(formula)
+            return horizon_us(formula) + back_us(formula)
     return 0
-
-
-def horizon_us(formula: Formula) -> float:
-    """So far ahead does a formula look [us]."""
-    match formula:
-        case Atom() | Constant():
-            return 0
-        case Not(inner=inner):
-            return horizon_us(inner)
-        case And(parts=parts) | Or(parts=parts):
-            return max((horizon_us(part) for part in parts), default=0)
-        case Always(inner=inner, to_us=to_us) | Eventually(inner=inner, to_us=to_us):
-            return (inf if to_us is None else to_us) + horizon_us(inner)
-        case Until(left=left, right=right, to_us=to_us):
-            return (inf if to_us is None else to_us) + max(horizon_us(left), horizon_us(right))

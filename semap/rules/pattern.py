@@ -11,17 +11,37 @@ binds nothing takes its joint with it:
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 Joint = Literal["next", "relaxed", "any"]
 
 
+class Excluded(str):
+    """The name of a variable at a place whose rows are bound, and told of by no event."""
+
+
 @dataclass(frozen=True)
 class Variable:
-    """Binds one row that satisfies the condition of this name; one without a condition binds any row."""
+    """Binds one row that satisfies the condition of this name; one without a condition binds any row.
+
+    excluded  the row counts, but is not told of: `{- A -}`
+    """
 
     name: str
+    excluded: bool = False
+
+    @property
+    def label(self) -> str:
+        return Excluded(self.name) if self.excluded else self.name
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Binds nothing: the next row bound is the first of its partition, or no row of it comes any more."""
+
+    at: Literal["begin", "end"]
 
 
 @dataclass(frozen=True)
@@ -45,6 +65,8 @@ class Element:
 
 @dataclass(frozen=True)
 class Sequence:
+    """Of no elements it binds nothing: `()`."""
+
     elements: tuple[Element, ...]
 
 
@@ -79,4 +101,24 @@ class Repeat:
     until: str | None = None
 
 
-Node: TypeAlias = Variable | Absent | Sequence | Alternation | Permutation | Repeat
+Node: TypeAlias = Variable | Absent | Anchor | Sequence | Alternation | Permutation | Repeat
+
+
+def nodes_in(node: Node) -> Iterator[Node]:
+    """The node and all within it."""
+    yield node
+    inside: Iterable[Node] = ()
+    match node:
+        case Sequence(elements):
+            inside = (element.node for element in elements)
+        case Alternation(nodes) | Permutation(nodes):
+            inside = nodes
+        case Repeat(inner):
+            inside = (inner,)
+    for each in inside:
+        yield from nodes_in(each)
+
+
+def has_begin(node: Node) -> bool:
+    """Whether it asks which row is the first of its partition."""
+    return any(isinstance(each, Anchor) and each.at == "begin" for each in nodes_in(node))

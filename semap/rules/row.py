@@ -39,6 +39,7 @@ PROPERTIES: Mapping[str, Kind] = {
     "instance_id": "number",
     "room": "text",  # the room itself, or each of the rooms that a door joins (then one row for each)
     "room_id": "number",
+    "room_uid": "text",  # the same in whatever database the map is
     "concept": "text",
     "attributes": "any",
     "neighbours": "array",  # names of the rooms that doors join to the row's room, ascending

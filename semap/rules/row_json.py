@@ -18,7 +18,7 @@ SHAPES = tuple(name for name, kind in PROPERTIES.items() if kind == "shape")
 def dump_row(row: Row) -> RowJson:
     """The row as JSON."""
     values: Mapping[str, object] = row.values
-    shapes = [name for name in SHAPES if values.get(name) is not None]
+    shapes = [name for name, value in values.items() if isinstance(value, shapely.Geometry)]
     if shapes:
         values = {**values, **{name: shapely.to_wkb(values[name], hex=True) for name in shapes}}
     return [row.stamp_us, row.rank, row.uid, row.source, values, list(row.concepts)]
@@ -28,9 +28,10 @@ def load_row(document: object) -> Row:
     """The row that `dump_row` gave."""
     stamp_us, rank, uid, source, found, concepts = cast(Sequence[object], document)
     values = dict(cast(Mapping[str, object], found))
-    for name in SHAPES:
-        if values.get(name) is not None:
-            values[name] = shapely.from_wkb(cast(str, values[name]))
+    for name, value in values.items():
+        # what a row says of a neighbour ends with the name of the property
+        if name.rpartition(" ")[2] in SHAPES and value is not None:
+            values[name] = shapely.from_wkb(cast(str, value))
     return Row(
         cast(int, stamp_us),
         cast(int, rank),

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from semap.rules.bound import NO_VARIABLE
 from semap.rules.declaration import Declaration, RowPattern
 from semap.rules.language.reading import parse_declaration
 from semap.rules.pattern import Node
@@ -20,8 +21,9 @@ CORPUS = Path(__file__).parent / "corpus"
 SECOND_US = 1_000_000
 ROW = re.compile(r"(?P<type>[a-z]+)(?::(?P<occupants>-?[\d.]+))?(?:@(?P<stamp_s>[\d.]+))?")
 BOUND = re.compile(r"(?P<variable>[A-Za-z_]+?)(?P<number>\d+)")
-CLAUSES = ("pattern", "define", "within", "after_match")
-ABOUT = ("title", "source", "rows", "matches", "timeouts", "flink")
+CLAUSES = ("pattern", "subset", "define", "measures", "rows_per_match", "within", "after_match")
+ABOUT = ("title", "source", "rows", "matches", "timeouts", "unmatched", "values", "flink")
+EMPTY = re.compile(r"\(\)(?P<number>\d+)")
 
 Pairs = tuple[tuple[int, str], ...]
 """The rows of a match, counted from 1, each with its variable."""
@@ -45,7 +47,11 @@ class Differing:
 
 @dataclass(frozen=True)
 class Case:
-    """Expected matches are all there are; timeouts likewise, where they are asked for (None: not)."""
+    """Expected matches are all there are; what may be None likewise, where it is asked for.
+
+    unmatched  rows that are in no match
+    values     of the measures, for each match
+    """
 
     name: str
     title: str
@@ -55,6 +61,8 @@ class Case:
     matches: tuple[Found, ...]
     timeouts: tuple[Found, ...] | None = None
     flink: Mapping[str, Differing] = field(default_factory=dict)
+    unmatched: tuple[int, ...] | None = None
+    values: tuple[tuple[object, ...], ...] | None = None
 
     @property
     def pattern(self) -> Node:
@@ -82,7 +90,10 @@ def pairs_of(match: Match) -> Pairs:
 
 
 def read_pairs(text: str) -> Pairs:
-    """`A1 B3`: row 1 is bound to A, row 3 to B."""
+    """`A1 B3`: row 1 is bound to A, row 3 to B; `()3`: at row 3 stands a match that binds none."""
+    empty = EMPTY.fullmatch(text.strip())
+    if empty:
+        return ((int(empty["number"]), NO_VARIABLE),)
     found = [BOUND.fullmatch(word) for word in text.split()]
     assert all(found), f"{text} names no rows"
     return tuple((int(part["number"]), part["variable"]) for part in found if part)
@@ -93,9 +104,11 @@ def _read_found(text: str) -> Found:
     return Found(read_pairs(pairs), round(float(stamp_s) * SECOND_US) if stamp_s else None)
 
 
-def declare(document: Mapping[str, Any], timeouts: bool = False) -> Declaration:
+def declare(document: Mapping[str, Any], timeouts: bool = False, unmatched: bool = False) -> Declaration:
     """The rule of these clauses; a variable X of one letter stands for rows of type x if it says nothing else."""
-    emit = {"match": "found", **({"timeout": "timed_out"} if timeouts else {})}
+    emit = {"match": "found", "empty": "found"}
+    emit |= {"timeout": "timed_out"} if timeouts else {}
+    emit |= {"unmatched": "unmatched"} if unmatched else {}
     letters = set(re.findall(r"\b[A-Z]\b", document["pattern"]))
     define = {name: f"type = '{name.lower()}'" for name in sorted(letters)} | (document.get("define") or {})
     define = {name: text for name, text in define.items() if text is not None}
@@ -108,7 +121,7 @@ def declare(document: Mapping[str, Any], timeouts: bool = False) -> Declaration:
 def _read_case(name: str, document: Mapping[str, Any]) -> Case:
     unknown = document.keys() - {*CLAUSES, *ABOUT}
     assert not unknown, f"{name}: {unknown}"
-    timeouts = document.get("timeouts")
+    timeouts, unmatched, values = (document.get(name) for name in ("timeouts", "unmatched", "values"))
     flink = {
         family: Differing(
             None if said.get("matches") is None else tuple(read_pairs(text) for text in said["matches"]),
@@ -121,11 +134,13 @@ def _read_case(name: str, document: Mapping[str, Any]) -> Case:
         name=name,
         title=document["title"],
         source=document["source"],
-        declaration=declare(document, timeouts is not None),
+        declaration=declare(document, timeouts is not None, unmatched is not None),
         rows=read_rows(document["rows"]),
         matches=tuple(map(_read_found, document["matches"])),
         timeouts=None if timeouts is None else tuple(map(_read_found, timeouts)),
         flink=flink,
+        unmatched=None if unmatched is None else tuple(unmatched),
+        values=None if values is None else tuple(map(tuple, values)),
     )
 
 

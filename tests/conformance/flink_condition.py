@@ -22,7 +22,7 @@ def tree(condition: Expression) -> Tree:
             return ["value", value]
         case Property(name) if name in COLUMNS:
             return ["property", name]
-        case Call(op, (Literal(str(variable)), Property(name))) if op in OF_BOUND:
+        case Call(op, (Literal(str(variable)), *offset, Property(name))) if _is_plain(op, variable, offset):
             return [op, variable, _column(op, name)]
         case Call(op, args) if op in (*COMPARISONS, "and", "or", "not", "+", "-", "*"):
             return [op, *map(tree, args)]
@@ -42,9 +42,9 @@ def sql(condition: Expression, variable: str) -> str:
             return f"CAST({number} AS DOUBLE)"
         case Property(name) if name in COLUMNS:
             return f"{variable}.`{name}`"
-        case Call("count", (Literal(str(other)), Property())):
+        case Call("count", (Literal(str(other)), Property())) if other:
             return f"COUNT({other}.`number`)"
-        case Call(op, (Literal(str(other)), Property(name))) if op in OF_BOUND:
+        case Call(op, (Literal(str(other)), *offset, Property(name))) if _is_plain(op, other, offset):
             return f"{op.upper()}({other}.`{_column(op, name)}`)"
         case Call("not", (part,)):
             return f"NOT ({sql(part, variable)})"
@@ -53,6 +53,11 @@ def sql(condition: Expression, variable: str) -> str:
         case Call() if (simpler := _simpler(condition)) is not None:
             return sql(simpler, variable)
     raise Unsaid(f"a condition with {_name(condition)}")
+
+
+def _is_plain(op: str, variable: str, offset: list[Expression]) -> bool:
+    """Of one variable, without an offset."""
+    return op in OF_BOUND and bool(variable) and offset in ([], [Literal(0)])
 
 
 def _simpler(call: Call) -> Expression | None:

@@ -18,7 +18,7 @@ from bench.flink.cases import Answer, CepPattern, Item, Query, Question, ask
 from bench.flink.environment import Flink
 from semap.cql2 import Expression
 from semap.rules.declaration import Declaration
-from semap.rules.pattern import Absent, Element, Node, Repeat, Sequence, Variable
+from semap.rules.pattern import Absent, Anchor, Element, Node, Repeat, Sequence, Variable, nodes_in
 
 Family = Literal["sql", "cep"]
 FAMILIES: tuple[Family, ...] = ("sql", "cep")
@@ -65,11 +65,26 @@ def _elements(node: Node) -> tuple[Element, ...]:
     return node.elements if isinstance(node, Sequence) else (Element("next", node),)
 
 
+def _sayable(case: Case) -> Declaration:
+    """raises Unsaid for what neither of the two has"""
+    declaration = case.declaration
+    if declaration.subsets or declaration.each_row or case.unmatched is not None:
+        raise Unsaid("a subset, rows one by one, rows in no match")
+    if declaration.after_match.skip == "clear" or declaration.after_match.strict:
+        raise Unsaid("a skip that it has not")
+    if any(found.pairs[0][1] == "" for found in case.matches) or case.pattern == Sequence(()):
+        raise Unsaid("an empty match")
+    for node in nodes_in(case.pattern):
+        if isinstance(node, Anchor) or node == Sequence(()) or (isinstance(node, Variable) and node.excluded):
+            raise Unsaid("an anchor, an exclusion, an empty pattern")
+    return declaration
+
+
 # --- MATCH_RECOGNIZE
 
 
 def _query(case: Case) -> Query:
-    declaration = case.declaration
+    declaration = _sayable(case)
     elements = _elements(case.pattern)
     variables = tuple(_only_variable(element) for element in elements)
     if len(set(variables)) < len(variables):
@@ -118,7 +133,7 @@ def _skip(declaration: Declaration) -> str:
     after = declaration.after_match
     if after.skip == "none":
         raise Unsaid("no skip")
-    return f"{SKIPS[after.skip]} {after.variable}".strip()
+    return f"{SKIPS[after.skip]} {' '.join(after.variables)}".strip()
 
 
 def _within(declaration: Declaration) -> str:
@@ -135,18 +150,18 @@ def _within(declaration: Declaration) -> str:
 
 
 def _cep(case: Case) -> CepPattern:
-    declaration = case.declaration
+    declaration = _sayable(case)
     windows, after = declaration.within, declaration.after_match
     if windows.variables:
         raise Unsaid("a window of a variable")
     counted = Counter(_variables(case.pattern))
-    if counted[after.variable] > 1:
+    if any(counted[variable] > 1 for variable in after.variables):
         raise Unsaid("a skip to a variable that stands in the pattern twice")
     document = {
         "stages": _Stages(declaration).of(case.pattern),
         "within_ms": None if windows.match_us is None else _milliseconds(windows.match_us),
         "step_ms": None if windows.step_us is None else _milliseconds(windows.step_us),
-        "skip": [after.skip, after.variable],
+        "skip": [after.skip, "".join(after.variables)],
     }
     return CepPattern(document)
 

@@ -80,6 +80,44 @@ def test_text_means_what_the_standard_says(text: str, means: Call) -> None:
     check(expression, KINDS)
 
 
+COLLECTION = (
+    "GEOMETRYCOLLECTION(POINT(1.9 2.00001), POINT(0 -2), LINESTRING(1 1, 2 2), POLYGON((0 0, 4 0, 4 4, 0 0)))"
+)
+INNER = [
+    {"type": "Point", "coordinates": [1.9, 2.00001]},
+    {"type": "Point", "coordinates": [0, -2]},
+    {"type": "LineString", "coordinates": [[1, 1], [2, 2]]},
+    {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 4], [0, 0]]]},
+]
+
+
+@pytest.mark.parametrize("op", ["s_intersects", "s_disjoint"])
+def test_a_collection_of_shapes_is_a_literal(op: str) -> None:
+    as_text = parse(f"{op}(place, {COLLECTION})")
+    check(as_text, KINDS)
+    document = {
+        "op": op,
+        "args": [{"property": "place"}, {"type": "GeometryCollection", "geometries": INNER}],
+    }
+    assert parse(document) == as_text
+    assert as_text == Call(op, (PLACE, Shape(shapely.from_wkt(COLLECTION))))
+
+
+def test_a_collection_of_like_shapes_is_one_shape_of_any_relation() -> None:
+    text = "GEOMETRYCOLLECTION(POINT(1 1), GEOMETRYCOLLECTION(MULTIPOINT(2 2, 3 3)))"
+    expression = parse(f"S_WITHIN(place, {text})")
+    check(expression, KINDS)
+    assert expression == Call("s_within", (PLACE, Shape(shapely.MultiPoint([(1, 1), (2, 2), (3, 3)]))))
+
+
+def test_a_box_in_degrees_may_cross_the_antimeridian() -> None:
+    expression = parse("S_INTERSECTS(place, BBOX(170, -10, -170, 10))", degrees=True)
+    (shape,) = (part for part in parts(expression) if isinstance(part, Shape))
+    for longitude in range(-180, 181):
+        wanted = longitude >= 170 or longitude <= -170
+        assert shape.geometry.intersects(shapely.Point(longitude, 0)) is wanted
+
+
 LEAVES = st.one_of(
     st.sampled_from(
         [*({"property": name} for name in KINDS), {"property": "attributes.seats"}, {"property": "no"}]
@@ -169,11 +207,19 @@ def test_no_length_or_depth_ends_the_process(unit: str, count: int) -> None:
         ({"op": "like", "args": [{"property": "name"}, "a\\"]}, "filter.args[1]", "ends with", "backslash"),
         ({"op": "=", "args": [{"property": "size"}, float("inf")]}, "filter.args[1]", "finite", "number"),
         ("S_WITHIN(place, POINT(1e400 0))", "filter.args[1]", "finite", "numbers"),
+        ("S_INTERSECTS(place, GEOMETRYCOLLECTION EMPTY)", "filter.args[1]", "empty or crosses", "valid"),
+        ("S_INTERSECTS(place, BBOX(179,0,-179,1))", "filter.args[1]", "without an area", "lower corner"),
+        (
+            "S_WITHIN(place, GEOMETRYCOLLECTION(POINT(1 1), LINESTRING(0 0, 1 1)))",
+            "filter.args[1]",
+            "points, lines and areas",
+            "each of its shapes",
+        ),
         (
             {"op": "s_within", "args": [{"property": "place"}, {"type": "GeometryCollection", "coordinates": []}]},
             "filter.args[1]",
-            "no shape GeometryCollection",
-            "Polygon",
+            "none of property",
+            "CQL2 JSON",
         ),
     ],
 )  # fmt: skip

@@ -34,11 +34,14 @@ class Candidate:
 
     items: tuple[Item, ...]
     places: tuple[int, ...]
+    start: int
     absences: tuple[tuple[str, str | None], ...] | None = None
     stamp_us: float = 0
 
     @property
     def rows(self) -> tuple[tuple[str, int], ...]:
+        if not self.places:
+            return (("", self.start),)
         return tuple((item.variable, place) for item, place in zip(self.items, self.places, strict=True))
 
 
@@ -68,7 +71,10 @@ class Enumerator:
                 continue
             candidates = self.candidates(start)
             best = candidates if after.skip == "none" else candidates[:1]
-            found += [(start, Found("match", int(each.stamp_us), each.rows)) for each in best]
+            found += [
+                (start, Found("match" if each.places else "empty", int(each.stamp_us), each.rows))
+                for each in best
+            ]
             if not best and times_out and (partial := self.timed_out(start)) is not None:
                 found.append((start, partial))
             if best:
@@ -78,7 +84,8 @@ class Enumerator:
 
     def candidates(self, start: int) -> list[Candidate]:
         whole: dict[tuple[object, ...], Candidate] = {}
-        ended = [ended for partial in self.partials(start) for ended in self.ends(partial)]
+        nothing = Candidate((), (), start)
+        ended = [ended for partial in (nothing, *self.partials(start)) for ended in self.ends(partial)]
         for each in sorted(ended, key=cmp_to_key(self.compare)):
             whole.setdefault((each.rows, each.stamp_us), each)
         return list(whole.values())
@@ -86,7 +93,7 @@ class Enumerator:
     def partials(self, start: int) -> list[Candidate]:
         """Every beginning of a word over rows from this one on that obeys what there is to obey."""
         found = []
-        reached = [Candidate((), ())]
+        reached = [Candidate((), (), start)]
         while reached:
             partial = reached.pop()
             if partial.items:
@@ -95,31 +102,38 @@ class Enumerator:
                 places = range(partial.places[-1] + 1, len(self.rows)) if partial.places else (start,)
                 for place in places:
                     if self.in_windows(partial, place) and self.allows(partial, item, place):
-                        reached.append(Candidate((*partial.items, item), (*partial.places, place)))
+                        reached.append(Candidate((*partial.items, item), (*partial.places, place), start))
         return found
 
     def nexts(self, partial: Candidate) -> list[Item]:
-        return [each for each in self.ranks.get(partial.items, ()) if isinstance(each, Item)]
+        return [
+            each
+            for each in self.ranks.get(partial.items, ())
+            if isinstance(each, Item) and self.may_stand(partial, each.absences)
+        ]
+
+    @staticmethod
+    def may_stand(partial: Candidate, absences: tuple[tuple[str, str | None], ...]) -> bool:
+        """Whether anchors among them may: no row before the first is an end, and after it none begins."""
+        names = {name for name, _ in absences}
+        return "^" not in names if partial.places else "$" not in names
 
     def chain(self, partial: Candidate) -> Bound | None:
         chain = None
-        for variable, place in partial.rows:
+        for variable, place in partial.rows if partial.places else ():
             chain = Bound(variable, self.rows[place], chain)
         return chain
 
     def holds(self, name: str, partial: Candidate, place: int) -> bool:
         """Whether the condition is true of the row, asked as if bound to it after the rows of the candidate."""
         row = self.rows[place]
-        before = self.rows[place - 1] if place else None
-        if before is not None and row.stamp_us - before.stamp_us >= self.match_us:
-            before = None
         if partial.places:
             gap_us = row.stamp_us - self.rows[partial.places[-1]].stamp_us
             if gap_us >= self.windows.variables.get(name, inf):
                 return False
         if name not in self.conditions:
             return True
-        return self.conditions[name].test_bound(row, Bound(name, row, self.chain(partial)), before)
+        return self.conditions[name].test_bound(row, Bound(name, row, self.chain(partial)))
 
     def in_windows(self, partial: Candidate, place: int) -> bool:
         if not partial.places:
@@ -146,6 +160,8 @@ class Enumerator:
 
     def could_bind(self, partial: Candidate, item: Item, place: int) -> bool:
         """All but the joint and the windows that are the same for all."""
+        if place > 0 and any(name == "^" for name, _ in item.absences):
+            return False
         if not self.holds(item.variable, partial, place):
             return False
         if any(self.holds(name, partial, place) for _, name in item.scopes):
@@ -171,16 +187,17 @@ class Enumerator:
         )
 
     def ends(self, partial: Candidate) -> Iterator[Candidate]:
-        last_us = self.rows[partial.places[-1]].stamp_us
+        last_us = self.rows[(partial.places or (partial.start,))[-1]].stamp_us
         for absences in self.ranks.get(partial.items, ()):
-            if isinstance(absences, Item):
+            if isinstance(absences, Item) or not self.may_stand(partial, absences):
                 continue
-            if not absences:
-                yield replace(partial, absences=(), stamp_us=last_us)
+            if not partial.places:
+                if not absences or partial.start == 0:
+                    yield replace(partial, absences=absences, stamp_us=last_us)
                 continue
             if all(self.absent(partial, absence) for absence in absences):
-                stamp_us = max(self.absent_until_us(partial, name) for name, _ in absences)
-                yield replace(partial, absences=absences, stamp_us=stamp_us)
+                ends_us = [self.absent_until_us(partial, name) for name, _ in absences if name != "$"]
+                yield replace(partial, absences=absences, stamp_us=max(ends_us, default=last_us))
 
     def absent_until_us(self, partial: Candidate, name: str) -> float:
         own_us = self.windows.variables.get(name)
@@ -196,7 +213,7 @@ class Enumerator:
     def compare(self, one: Candidate, other: Candidate) -> int:
         """Negative if `one` is preferred: row by row, what each does with it."""
         items: tuple[Item, ...] = ()
-        for place in range(one.places[0], len(self.rows) + 1):
+        for place in range(one.start, len(self.rows) + 1):
             what, what_else = self.does(one, items, place), self.does(other, items, place)
             if what != what_else:
                 return -1 if self.rank(items, what) < self.rank(items, what_else) else 1
@@ -209,7 +226,7 @@ class Enumerator:
         """The item that takes the row, "ignored", or what the candidate has ended with."""
         if place in candidate.places:
             return candidate.items[candidate.places.index(place)]
-        if place > candidate.places[-1] and candidate.absences is not None:
+        if candidate.absences is not None and (not candidate.places or place > candidate.places[-1]):
             return candidate.absences
         return "ignored"
 
@@ -228,7 +245,7 @@ class Enumerator:
                 else:
                     under_way.append((end_us, partial))
             for absences in self.ranks.get(partial.items, ()):
-                if not isinstance(absences, Item):
+                if not isinstance(absences, Item) and self.may_stand(partial, absences):
                     closed_us = max(closed_us, self.disturbed_us(partial, absences))
         last_us = max((end_us for end_us, _ in under_way), default=-inf)
         if last_us == inf or closed_us >= last_us:
@@ -275,10 +292,12 @@ class Enumerator:
 
 def skip(after: AfterMatch, found: Candidate) -> int:
     """The place at which the next attempt may begin."""
+    if not found.places:
+        return found.start + 1
     if after.skip == "past last":
         return found.places[-1] + 1
     if after.skip in ("to first", "to last"):
-        bound = [place for variable, place in found.rows if variable == after.variable]
+        bound = [place for variable, place in found.rows if variable in after.variables]
         place = (bound[0] if after.skip == "to first" else bound[-1]) if bound else found.places[0]
         return max(place, found.places[0] + 1)
     return found.places[0] + 1

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from hypothesis import strategies as st
 
 from semap.rules import pattern as p
-from semap.rules.bound import Bound, Condition
+from semap.rules.bound import Asked, Bound, Condition
 from semap.rules.declaration import AfterMatch, Windows
-from semap.rules.matching.pattern_program import PatternProgram
+from semap.rules.matching.neighbours import Neighbour, Neighbours
+from semap.rules.matching.sharing import compile_program
+from semap.rules.matching.telling import Emits, Telling
+from semap.rules.program import LossyProgram
 from semap.rules.row import Row
 
 LETTERS = "abc"
@@ -19,40 +22,43 @@ LETTERS = "abc"
 def alone(letters: str) -> Condition:
     return Condition(
         lambda row: str(row.values["type"]) in letters,
-        lambda row, _bound, _before: str(row.values["type"]) in letters,
+        lambda row, _bound: str(row.values["type"]) in letters,
     )
 
 
-def rising(row: Row, bound: Bound | None, _before: Row | None) -> bool:
+def rising(row: Row, bound: Bound | None) -> bool:
     """The number is greater than that of the row bound before."""
     assert bound is not None
     before = bound.before
     return before is None or row.values["n"] > before.row.values["n"]  # type: ignore[operator]
 
 
-def at_most_two(_row: Row, bound: Bound | None, _before: Row | None) -> bool:
+def at_most_two(_row: Row, bound: Bound | None) -> bool:
     """count(this variable) <= 2"""
     assert bound is not None
     return sum(1 for each in bound.latest_first() if each.variable == bound.variable) <= 2
 
 
-def as_first(row: Row, bound: Bound | None, _before: Row | None) -> bool:
+def as_first(row: Row, bound: Bound | None) -> bool:
     """The type is that of the first row bound."""
     assert bound is not None
     first = list(bound.latest_first())[-1]
     return bool(row.values["type"] == first.row.values["type"])
 
 
-def changed(row: Row, _bound: Bound | None, before: Row | None) -> bool:
+CHANGED = Neighbours(frozenset({Neighbour("prev", 1, "type")}), begins=True)
+
+
+def changed(row: Row) -> bool:
     """The type is not that of the row before."""
-    return before is None or row.values["type"] != before.values["type"]
+    return row.values.get("prev 1 type") != row.values["type"]
 
 
 ITERATIVE = (
-    Condition(None, rising),
+    Condition(None, rising, asked=frozenset({Asked("last", None, 0)})),
     Condition(None, at_most_two),
-    Condition(None, as_first),
-    Condition(None, changed, reads_before=True),
+    Condition(None, as_first, asked=frozenset({Asked("first", None, 0)})),
+    Condition(changed, lambda row, _bound: changed(row)),
 )
 
 variables = st.sampled_from("ABC").map(p.Variable)
@@ -93,7 +99,10 @@ def composed(nodes: st.SearchStrategy[p.Node]) -> st.SearchStrategy[p.Node]:
     )
 
 
-patterns = st.recursive(variables, composed, max_leaves=5)
+leaves = st.one_of(
+    variables, variables, variables, st.sampled_from((p.Sequence(()), p.Anchor("begin"), p.Anchor("end")))
+)
+patterns = st.recursive(leaves, composed, max_leaves=5)
 simple_condition = st.sampled_from(("a", "b", "ab", "bc", "abc")).map(alone)
 one_condition = st.one_of(simple_condition, st.sampled_from(ITERATIVE))
 
@@ -115,7 +124,11 @@ window_sets = st.builds(
 )
 after_matches = st.one_of(
     st.sampled_from(("none", "to next", "past last")).map(AfterMatch),
-    st.builds(AfterMatch, st.sampled_from(("to first", "to last")), st.sampled_from("ABC")),
+    st.builds(
+        AfterMatch,
+        st.sampled_from(("to first", "to last")),
+        st.frozensets(st.sampled_from("ABC"), min_size=1),
+    ),
 )
 
 
@@ -127,7 +140,7 @@ def streams(draw: st.DrawFn, most: int = 6) -> list[Row]:
         stamp_us += draw(st.sampled_from((0, 1, 1, 2, 3)))
         values = {"type": draw(st.sampled_from(LETTERS)), "n": draw(st.integers(0, 3))}
         rows.append(Row(stamp_us, 2, f"{place:04}", "relation", values))
-    return rows
+    return [*CHANGED.all_told(rows)]
 
 
 @dataclass(frozen=True)
@@ -139,16 +152,23 @@ class Case:
     rows: list[Row]
     times_out: bool = True
 
-    def program(self) -> PatternProgram:
-        return PatternProgram.compile(
-            self.node,
-            self.conditions,
-            self.windows,
-            self.after,
-            "match",
-            "timeout" if self.times_out else None,
-            lambda _bound, _stamp: ({}, None),
-        )
+    def program(self) -> LossyProgram:
+        return program_of(self.node, self.conditions, self.windows, self.after, times_out=self.times_out)
+
+
+def program_of(
+    node: p.Node,
+    conditions: Mapping[str, Condition],
+    windows: Windows,
+    after: AfterMatch,
+    *,
+    times_out: bool = False,
+) -> LossyProgram:
+    telling = Telling(
+        Emits("match", "timeout" if times_out else None, "empty"),
+        lambda _bound, _stamp, _whole=None, _number=0: ({}, None),
+    )
+    return compile_program(node, conditions, windows, after, telling, times_out=times_out)
 
 
 cases = st.builds(Case, patterns, condition_sets(), window_sets, after_matches, streams(), st.booleans())

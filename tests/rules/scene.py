@@ -26,22 +26,31 @@ def visit(
     found = {
         "input": "track_in_room", "type": kind, "stamp": stamp_us, "since": since_us, "cause": "moved",
         "track": track, "track_id": TRACKS[track], "instance": room, "instance_id": ROOMS[room],
-        "room": room, "room_id": ROOMS[room], "concept": "Room", **values,
+        "room": room, "room_id": ROOMS[room], "room_uid": room, "concept": "Room", **values,
     }  # fmt: skip
     uid = str(uuid5(SCENE, f"{track} {room} {kind} {stamp_us}"))
     rank = RANKS["relation"] + (kind == "began")
     return Row(stamp_us, rank, uid, "relation", found, ("Room", "Space"))
 
 
-def door(name: str, state: str, at_s: float, actor: str | None = None, distance_m: float = 0.5) -> Row:
+def door(
+    name: str,
+    state: str,
+    at_s: float,
+    actor: str | None = None,
+    distance_m: float = 0.5,
+    previous: str | None = None,
+) -> Row:
     """A door is opened or closed, by somebody if it is known by whom."""
     stamp_us = round(at_s * S)
     instance_id, rooms = DOORS[name]
     found: dict[str, object] = {
         "input": "door", "type": state, "stamp": stamp_us, "instance": name, "instance_id": instance_id,
         "concept": "Door",
-        "rooms": [{"room": room, "room_id": ROOMS[room], "neighbours": []} for room in rooms],
+        "rooms": [{"room": room, "room_id": ROOMS[room], "room_uid": room, "neighbours": []} for room in rooms],
     }  # fmt: skip
+    if previous is not None:
+        found["previous"] = previous
     if actor is not None:
         found |= {
             "actor": actor, "actor_id": TRACKS[actor], "actor_likelihood": 0.9, "actor_distance_m": distance_m,

@@ -14,7 +14,7 @@ A, B, C = p.Variable("A"), p.Variable("B"), p.Variable("C")
 
 
 def alone(letters: str) -> Condition:
-    return Condition(None, lambda row, _bound, _before: str(row.values["type"]) in letters)
+    return Condition(None, lambda row, _bound: str(row.values["type"]) in letters)
 
 
 CONDITIONS = {"A": alone("a"), "B": alone("b"), "C": alone("c"), "X": alone("ab")}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from conformance.case import read_rows
 from scene import CLOSES_SOON, DURING, OPENED_THEN_ENTERED, STAYED, TIMED_OUT, VISITS, S, door, rule, visit
 
 from semap.errors import InvalidInput
 from semap.rules.explanation.explanation import Explanation, explain
 from semap.rules.explanation.moment import Moment
+from semap.rules.language.reading import parse_declaration
 from semap.rules.matching import pattern_program
 
 
@@ -253,3 +255,17 @@ def test_a_moment_is_as_long_as_it_was_given_exactly(at_us: int, until_us: int) 
     assert Moment.at(at_us) == Moment(at_us, until_us)
     found = told(VISITS, [visit("ann", "kitchen", "began", 5.000007)], at_us / S)
     assert (found.match is not None) is (at_us != 5 * S + 7_000)
+
+
+def test_of_a_row_in_no_match_it_says_why_it_is_in_none() -> None:
+    document = {
+        "input": "moves", "pattern": "^ A {- B -} C", "subset": {"S": ["A", "B"]},
+        "define": {"A": "type = 'a'", "B": "type = 'b' and occupants > prev(occupants)",
+                   "C": "type = 'c' and count(S) = 3 and last(classifier(), 1) = 'B'"},
+        "emit": {"match": "found", "unmatched": "alone"},
+    }  # fmt: skip
+    rows = [row.saying({**row.values, "input": "moves"}) for row in read_rows("a:1 b:2 c")]
+    text = explain(parse_declaration(document, "r"), rows, 1_000_000, known_us=3_000_000).as_text()
+    assert "it found alone at" in text
+    assert "no  count(S.stamp) = 3: 2 = 3" in text
+    assert "yes last(classifier(), 1) = 'B': 'B' = 'B'" in text

@@ -11,7 +11,7 @@ from scene import MAP, ROOMS, TRACKS, S, rule, visit
 from semap.model.given_up import GivenUp
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.run_over import run_over
-from semap.rules.matching import pattern_program
+from semap.rules.matching import all_matches, pattern_program
 from semap.rules.row import Row
 from semap.rules.temporal import formula_program
 from semap.timeline.stamp import to_datetime
@@ -37,22 +37,28 @@ RULES = [rule(1, GROWING), rule(2, EACH), rule(3, NEVER)]
 @pytest.fixture(autouse=True)
 def _few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pattern_program, "RUNS_AT_MOST", MOST)
+    monkeypatch.setattr(all_matches, "UNDER_WAY_AT_MOST", MOST)
     monkeypatch.setattr(formula_program, "MOST_EVALUATIONS", MOST)
 
 
-def test_the_witness_of_a_bound_that_told_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    """14 rows that may begin it: of 16,383 matches half are there, and it is said which are not."""
-    monkeypatch.setattr(pattern_program, "RUNS_AT_MOST", 10_000)
+@pytest.mark.parametrize(("after_match", "most"), [("no skip", 1_000), ("no skip, at most 16382", 16_382)])
+def test_the_witness_of_a_bound_that_told_nobody(
+    monkeypatch: pytest.MonkeyPatch, after_match: str, most: int
+) -> None:
+    """14 rows that may begin it: of 16,383 matches as many are told as the rule wants, and it is said how many are not."""
+    monkeypatch.setattr(all_matches, "UNDER_WAY_AT_MOST", 14)
     rows = [visit("ann", "kitchen", "began", at_s) for at_s in range(14)]
     rows.append(visit("ann", "kitchen", "ended", 20))
     told: dict[str, GivenUp] = {}
-    events = run_over([rule(1, GROWING)], rows, 30 * S, tell=lambda of, what: told.update({of.name: what}))
-    assert len(events) == 8_191
-    assert told == {"growing": GivenUp(1, to_datetime(0), {"track": "ann"})}
+    growing = rule(1, GROWING | {"after_match": after_match})
+    events = run_over([growing], rows, 30 * S, tell=lambda of, what: told.update({of.name: what}))
+    assert len({event.event_id for event in events}) == len(events) == most
+    left = 16_383 - most
+    assert told == {"growing": GivenUp(0, to_datetime(0), {"track": "ann"}, left)}
     assert told["growing"].as_text() == (
-        "It gave up 1 attempt, as more than 10,000 were under way in one key; events that begin at"
-        " 1970-01-01T00:00:00Z or later may be missing (first of track ann). Give it a window (within), a finer"
-        " partition_by, or an after_match that skips more."
+        f"It found {left:,} match{'es' * (left > 1)} more than after_match tells of those that end at one row;"
+        " events that begin at 1970-01-01T00:00:00Z or later may be missing (first of track ann). Say how many are"
+        " wanted: after_match: no skip, at most 100000; or use an after_match that skips."
     )
 
 

@@ -7,7 +7,7 @@ import json
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from semap.cql2.value import like
@@ -57,6 +57,7 @@ def test_values_of_any_kind(document: dict) -> None:
 
 
 @settings(max_examples=600)
+@example("subset", {"name": [[]]})
 @given(CLAUSES, VALUES)
 def test_a_good_rule_with_one_bad_clause(clause: str, value: object) -> None:
     read_or_refused({**PATTERN, clause: value})

@@ -11,18 +11,24 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from rules import pattern_cases
 from rules.enumerator import Found, enumerate_matches
-from rules.pattern_cases import Case, alone, cases, changed, condition_sets, remembered_cases, streams
+from rules.pattern_cases import Case, alone, cases, condition_sets, remembered_cases, streams
 from rules.words import TooMany
 
 from semap.errors import InvalidInput
 from semap.rules import pattern as p
 from semap.rules.bound import Condition
+from semap.rules.compilation import compile_rule
 from semap.rules.declaration import AfterMatch, Windows
+from semap.rules.language.reading import parse_declaration
 from semap.rules.matching import pattern_program as matching
 from semap.rules.matching.automaton import FOREVER_US
-from semap.rules.matching.pattern_program import PatternProgram, PatternState
-from semap.rules.program import Match
+from semap.rules.matching.pattern_program import PatternState
+from semap.rules.matching.sharing import compile_program
+from semap.rules.matching.surrounded_program import SurroundedProgram
+from semap.rules.matching.telling import Emits, Telling
+from semap.rules.program import LossyProgram, Match
 from semap.rules.row import Row
 
 S = 1_000_000
@@ -35,7 +41,7 @@ def found(matches: Iterable[Match]) -> list[Found]:
     ]
 
 
-def run(program: PatternProgram, rows: list[Row]) -> list[list[Found]]:
+def run(program: LossyProgram, rows: list[Row]) -> list[list[Found]]:
     """What each row gave, and the end of the stream."""
     state: PatternState | None = None
     given = []
@@ -54,7 +60,7 @@ def agree(given: list[list[Found]], wanted: list[Found]) -> None:
     assert places == [sorted(at_once) for at_once in places]
 
 
-def compiled(case: Case) -> PatternProgram:
+def compiled(case: Case) -> LossyProgram:
     try:
         return case.program()
     except InvalidInput:
@@ -168,21 +174,26 @@ def sequence(*parts: str | tuple[p.Joint, p.Node]) -> p.Node:
 CONDITIONS = {letter.upper(): alone(letter) for letter in "abc"}
 
 
+def surrounded(pattern: str, define: dict[str, str], within: str, **clauses: object) -> SurroundedProgram:
+    document = {
+        "input": "x",
+        "pattern": pattern,
+        "define": define,
+        "within": within,
+        "emit": "match",
+        **clauses,
+    }
+    program = compile_rule(parse_declaration(document, "r"))
+    assert isinstance(program, SurroundedProgram)
+    return program
+
+
 def program_of(
     node: p.Node,
     windows: Windows | None = None,
     after: AfterMatch | None = None,
-    timeout_type: str | None = None,
-) -> PatternProgram:
-    return PatternProgram.compile(
-        node,
-        CONDITIONS,
-        windows or Windows(),
-        after or AfterMatch(),
-        "match",
-        timeout_type,
-        lambda _b, _s: ({}, None),
-    )
+) -> LossyProgram:
+    return pattern_cases.program_of(node, CONDITIONS, windows or Windows(), after or AfterMatch())
 
 
 def rows_of(given: list[list[Found]]) -> list[list[str]]:
@@ -252,7 +263,6 @@ def test_rows_that_interest_none_of_many_attempts_change_nothing(skip: Any) -> N
         state, _ = program.step(state, row)
         assert (state is before) == (row.values["type"] == "c")
     assert state is not None
-    assert len(state.attempts) == 20
     given = feed(program, stream("ac" * 20 + "b"))
     assert [match.rows[0][1].stamp_us // S for match in given] == (
         [0] if skip == "past last" else [*range(0, 40, 2)]
@@ -284,20 +294,20 @@ def test_a_later_match_does_not_wait_for_an_absence_that_cannot_skip_it() -> Non
 
 
 def test_a_match_that_finish_drops_still_skips() -> None:
-    program = PatternProgram.compile(
+    program = compile_program(
         sequence("A", ("relaxed", p.Variable("B"))),
         CONDITIONS,
         Windows(),
         AfterMatch(),
-        "match",
-        None,
-        lambda bound, stamp_us: None if stamp_us < 3 * S else ({"n": stamp_us}, 0.5),
+        Telling(
+            Emits("match"), lambda bound, stamp_us, *_: None if stamp_us < 3 * S else ({"n": stamp_us}, 0.5)
+        ),
     )
     (match,) = feed(program, stream("aabab"))
     assert (match.rows[0][1].stamp_us, match.measures, match.confidence) == (3 * S, {"n": 4 * S}, 0.5)
 
 
-def feed(program: PatternProgram, rows: list[Row]) -> list[Match]:
+def feed(program: LossyProgram, rows: list[Row]) -> list[Match]:
     state: PatternState | None = None
     matches: list[Match] = []
     for row in rows:
@@ -327,15 +337,10 @@ def test_the_oldest_attempts_go_first_when_there_are_too_many(monkeypatch: pytes
 
 
 def test_a_key_is_kept_for_the_row_before_only_within_the_window() -> None:
-    conditions = {"A": Condition(None, changed, reads_before=True), "B": alone("b")}
-    program = PatternProgram.compile(
-        sequence("A", "B"), conditions, Windows(5 * S), AfterMatch(), "match", None, lambda _b, _s: ({}, None)
-    )
+    program = surrounded("A B", {"A": "type <> prev(type)"}, "5 s")
     state, _ = program.step(None, stream("a")[0])
     state, _ = program.step(state, stream("aa")[1])
-    assert state is not None
-    assert state.before == stream("aa")[1]
-    assert state.attempts == ()
+    assert (state.behind, state.inner) == ((stream("aa")[1],), None)
     assert program.deadline_us(state) == 6 * S - 1
     assert program.advance(state, 6 * S - 1) == (None, ())
 
@@ -343,7 +348,6 @@ def test_a_key_is_kept_for_the_row_before_only_within_the_window() -> None:
 @pytest.mark.parametrize(
     ("node", "windows", "says"),
     [
-        (p.Repeat(p.Variable("A"), 0, None), Windows(), "without binding any row"),
         (
             p.Sequence((p.Element("next", p.Absent("B")), p.Element("next", p.Variable("A")))),
             Windows(),

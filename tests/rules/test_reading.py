@@ -88,7 +88,7 @@ def test_every_clause_of_a_pattern_of_rows() -> None:
         "who": read_measure("last(E.track)", "", both),
     }
     assert found.within == Windows(6_000_000, 2_500_000, {"E": 500_000})
-    assert found.after_match == AfterMatch("to last", "E")
+    assert found.after_match == AfterMatch("to last", frozenset({"E"}))
     assert found.emit == {"match": "entered", "timeout": "nobody_came"}
     assert found.confidence == Confidence("O", "E", "lognormal", {"median_s": 2, "sigma": 0.6}, 0.2)
 
@@ -120,8 +120,13 @@ def test_inputs_say_what_they_are() -> None:
         ("no skip", AfterMatch("none")),
         ("SKIP  TO next row", AfterMatch("to next")),
         ("skip past last row", AfterMatch("past last")),
-        ("skip to first A", AfterMatch("to first", "A")),
-        ("skip to last B", AfterMatch("to last", "B")),
+        ("skip to first A", AfterMatch("to first", frozenset({"A"}))),
+        ("skip to last B", AfterMatch("to last", frozenset({"B"}))),
+        ("skip to B", AfterMatch("to last", frozenset({"B"}))),
+        ("skip to first A or fail", AfterMatch("to first", frozenset({"A"}), strict=True)),
+        ("no skip, clear", AfterMatch("clear")),
+        ("no skip, at most 5", AfterMatch("none", at_most=5)),
+        ("No skip, clear, AT  MOST 12", AfterMatch("clear", at_most=12)),
         (None, AfterMatch("past last")),
     ],
 )
@@ -193,7 +198,12 @@ WRONG = [
     ({**EDGES, "partition_by": []}, "partition_by", "0 properties"),
     ({**PATTERN, "pattern": 3}, "pattern", "a text is needed"),
     ({**PATTERN, "pattern": "A followd by B"}, "pattern", "line 1, character 11"),
-    ({**PATTERN, "pattern": "A? B*"}, "pattern", "without binding any row"),
+    ({**PATTERN, "rows_per_match": "some"}, "rows_per_match", "neither one nor all"),
+    ({**PATTERN, "subset": {"S": ["A", "X"]}}, "subset.S", "no row is bound to X"),
+    ({**PATTERN, "subset": {"A": ["A"]}}, "subset.A", "is a variable of the pattern"),
+    ({**PATTERN, "subset": {"S": "A"}}, "subset.S", "a list of variables"),
+    ({**PATTERN, "emit": {"none": "x"}}, "emit.none", "no such outcome"),
+    ({**EDGES, "measures": {"n": "match_number()"}}, "measures.n", "of patterns of rows only"),
     ({**PATTERN, "pattern": "A? not next N B"}, "pattern", "begins with the absence of N"),
     ({**PATTERN, "pattern": "A not followed by N", "within": None}, "pattern", "absence of N"),
     ({**PATTERN, "pattern": "A not followed by N", "within": {"step": 3}}, "pattern", "absence of N"),
@@ -228,6 +238,8 @@ WRONG = [
     ({**PATTERN, "after_match": "skip"}, "after_match", "where to continue"),
     ({**PATTERN, "after_match": "skip to first"}, "after_match", "where to continue"),
     ({**PATTERN, "after_match": "no skip A"}, "after_match", "where to continue"),
+    ({**PATTERN, "after_match": "no skip, at most 0"}, "after_match", "above zero"),
+    ({**PATTERN, "after_match": "skip to next row, at most 5"}, "after_match", "that end at one row"),
     ({**PATTERN, "after_match": "skip to first C"}, "after_match", "no row is bound to C"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "sigma": 3}}, "confidence.sigma", "normal has no sigma"),
     ({**PATTERN, "confidence": {**CONFIDENCE, "distribution": "norml"}}, "confidence.distribution", "normal?"),
@@ -379,7 +391,7 @@ def table(heading: str) -> list[list[str]]:
 
 def test_every_form_of_a_pattern_in_the_documentation_is_one() -> None:
     forms = [form.replace("\\", "") for form, _ in table("The text of a pattern")]
-    assert len(forms) == 21
+    assert len(forms) == 26
     for form in forms:
         parse_declaration(
             {**PATTERN, "pattern": f"Z {form}", "define": {"U": "type = 'u'"} if "U" in form else None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import pytest
 import yaml
@@ -63,7 +64,7 @@ def test_whatever_a_room_is_called(room: str, duration_us: int, name: str) -> No
         ("dwel", {}, "dwell"),
         ("dwell", {"rom": "x"}, "Did you mean room?"),
         ("dwell", {"duration": "ten minutes"}, "no duration"),
-        ("dwell", {"room": ""}, "a name is needed"),
+        ("dwell", {"room": "x" * 201}, "a name is needed"),
         ("dwell", {"room": 3}, "a name is needed"),
         ("dwell", {"name": "two words"}, "a name is needed"),
         ("dwell", {"name": "null"}, "no name to YAML"),
@@ -235,3 +236,91 @@ def test_a_door_and_a_room_go_together_for_the_one_who_used_both(
                     free_s = min(ends)
                     expected.append((template, free_s, who, room))
         assert found(template, rows) == sorted(expected)
+        assert found(template, rows, room="hall") == [e for e in sorted(expected) if e[3] == "hall"]
+        of_ann = [
+            *rows_of([stay for stay in made if stay[0] == "ann"]),
+            *(door(*u) for u in uses if u[3] == "ann"),
+        ]
+        assert found(template, rows, person="ann") == found(template, of_ann)
+
+
+@given(stays(), st.sampled_from(["", *TRACKS]), st.sampled_from(["", *sorted(ROOMS)]))
+def test_a_person_and_a_room_that_are_named_are_the_only_ones(
+    made: list[Stay], person: str, room: str
+) -> None:
+    chosen = [stay for stay in made if person in ("", stay[0]) and room in ("", stay[1])]
+    assert found("visits", rows_of(made), person=person, room=room) == found("visits", rows_of(chosen))
+    assert found("dwell", rows_of(made), person=person, room=room, duration=9) == found(
+        "dwell", rows_of(chosen), duration=9
+    )
+    assert found("count", rows_of(made), more_than=1, room=room) == [
+        event for event in found("count", rows_of(made), more_than=1) if room in ("", event[3])
+    ]
+
+
+@given(openings, st.integers(1, 60), st.sampled_from(["", *sorted(DOORS)]))
+def test_a_door_that_stays_open_for_so_long(
+    doors: list[tuple[str, int, int]], least_s: int, only: str
+) -> None:
+    rows, expected = [], []
+    for name in DOORS:
+        at, state = 0.125, None
+        for _, pause, length in (each for each in doors if each[0] == name):
+            opened, at = at + pause, at + pause + length
+            # it is told a second time that it is open, which begins nothing anew
+            middle = (opened + at) / 2
+            rows += [door(name, "open", opened, previous=state), door(name, "open", middle, previous="open")]
+            rows.append(door(name, "closed", at, previous="open"))
+            state = "closed"
+            if length >= least_s and only in ("", name):
+                expected.append(("left_open", opened + least_s, None, name))
+    assert found("left_open", rows, duration=least_s, door=only) == sorted(expected)
+
+
+@given(stays(), st.integers(1, 60), st.sampled_from(["", *sorted(ROOMS)]))
+def test_a_room_that_nobody_has_entered_for_so_long(made: list[Stay], least_s: int, only: str) -> None:
+    expected = []
+    for room in ROOMS:
+        inside = [(a, b, who) for who, where, a, b in made if where == room and only in ("", room)]
+        expected += [
+            ("vacant", end + least_s, who, room)
+            for _, end, who in inside
+            if not any(a < end < b or end <= a < end + least_s for a, b, _ in inside)
+        ]
+    assert found("vacant", rows_of(made), duration=least_s, room=only) == sorted(expected)
+
+
+rooms = st.sampled_from(["", *sorted(ROOMS)])
+
+
+@given(stays(), st.integers(1, 90), rooms, rooms)
+def test_who_leaves_a_room_and_enters_another_soon(
+    made: list[Stay], within_s: int, left: str, entered: str
+) -> None:
+    expected = []
+    for who, room, _, end in made:
+        later = sorted(
+            (start, other)
+            for person, other, start, _ in made
+            if person == who and other != room and entered in ("", other) and end <= start < end + within_s
+        )
+        if left in ("", room) and later:
+            expected.append(("went_on", later[0][0], who, later[0][1]))
+    assert found("went_on", rows_of(made), within=within_s, **{"from": left, "to": entered}) == sorted(
+        expected
+    )
+
+
+@given(stays(), st.integers(1, 30), rooms)
+def test_who_comes_in_right_behind_another(made: list[Stay], within_s: int, only: str) -> None:
+    expected = []
+    for room in ROOMS:
+        entries = sorted(
+            (start, who) for who, where, start, _ in made if where == room and only in ("", room)
+        )
+        expected += [
+            ("came_behind", start, who, room)
+            for (before, first), (start, who) in pairwise(entries)
+            if who != first and start < before + within_s
+        ]
+    assert found("came_behind", rows_of(made), within=within_s, room=only) == sorted(expected)

@@ -43,8 +43,10 @@ class Word:
 def words(node: p.Node, way: tuple[object, ...], longest: int) -> list[Word]:
     """The words, cut after `longest` items, preferred first."""
     match node:
-        case p.Variable(name):
-            found = [Word((Item(way, name),))]
+        case p.Anchor(at):
+            found = [Word((), (("^" if at == "begin" else "$", None),))]
+        case p.Variable():
+            found = [Word((Item(way, node.label),))]
         case p.Absent(name):
             found = [Word((), ((name, None),))]
         case p.Sequence(elements):
@@ -108,6 +110,7 @@ def rounds(node: p.Repeat, done: int, way: tuple[object, ...], longest: int) -> 
     )
     for part in parts:
         if done >= node.least and not part.items:
+            more.append(part)
             continue
         head = part if node.until is None else scoped(part, (way, node.until))
         more += [word for tail in rest for word in join(head, tail, node.joint, (*way, f"round {done + 1}"))]

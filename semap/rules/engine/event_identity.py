@@ -24,16 +24,18 @@ class EventIdentity:
         self._begun = sha1(EVENT_NAMESPACE.bytes + f"{name}|{version}|".encode(), usedforsecurity=False)
         self._is_stamped = _is_stamped(declaration)
 
-    def event_id(self, match: Match, room_id: object = None) -> UUID:
+    def event_id(self, match: Match, room_uid: str | None = None) -> UUID:
         """The identity of the event that a match makes.
 
-        room_id  of the key, where one of the rows belongs to several rooms and so to several keys
+        room_uid  of the key's room, where one of the rows belongs to several rooms and so to several keys
         """
         text = "|".join([match.type, *[row.uid for _, row in match.rows]])
+        if match.identity:
+            text += f"|{match.identity}"
         if self._is_stamped:
             text += f"|{match.stamp_us}"
-        if room_id is not None:
-            text += f"|room {room_id}"
+        if room_uid is not None:
+            text += f"|room {room_uid}"
         digest = self._begun.copy()
         digest.update(text.encode())
         number = int.from_bytes(digest.digest()[:16], "big")

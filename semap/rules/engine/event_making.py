@@ -22,6 +22,7 @@ OF_INSTANCE = (
     "instance_id",
     "room",
     "room_id",
+    "room_uid",
     "rooms",
     "concept",
     "attributes",
@@ -124,7 +125,8 @@ class EventMaker:
 
     def _event_id(self, key: Key, match: Match) -> UUID:
         if self._room_place is not None and any("rooms" in row.values for _, row in match.rows):
-            return self._identity.event_id(match, key[self._room_place])
+            in_room = _last_with([row for _, row in match.rows], "room_uid")
+            return self._identity.event_id(match, str(in_room["room_uid"]))
         return self._identity.event_id(match)
 
     def _key_by_name(self, key: Key, match: Match, of_track: Mapping[str, Value]) -> dict[str, object]:

@@ -106,7 +106,7 @@ class MapEngine:
         if run is None:
             self._given_up[rule_id] = given_up
         else:
-            run.given_up = given_up if run.given_up is None else run.given_up + given_up
+            run.add_given_up(given_up)
 
     def arrive(self, row: Row) -> list[Event]:
         """Take a row off the log; gives the events that it makes although it cannot stand in the order.

@@ -68,7 +68,7 @@ def part_of(values: Mapping[str, Value], path: Sequence[str]) -> int | float | s
 
 
 def in_rooms(row: Row) -> Sequence[Row]:
-    """The row for each room that it belongs to, with `room`, `room_id` and `neighbours` of that room."""
+    """The row for each room that it belongs to, with what is said of that room, such as its `neighbours`."""
     rooms = row.values.get("rooms")
     if not isinstance(rooms, Sequence) or isinstance(rooms, str):
         return (row,)

@@ -7,7 +7,7 @@ from heapq import heappush
 from itertools import count
 from typing import TypeAlias
 
-from semap.model.given_up import GivenUp
+from semap.model.given_up import MOST_COUNTED, GivenUp
 from semap.rules.compilation import compile_rule, compile_where
 from semap.rules.engine.event_making import EventMaker
 from semap.rules.engine.partition import Key, key_reader, key_text, part_of, read_key
@@ -19,6 +19,10 @@ from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime
 
 Found: TypeAlias = tuple[Key, Match]
+
+
+NOTED_AT_ONCE = 1_000
+"""Of rows at which more matches ended than are told."""
 
 
 class Timers:
@@ -35,8 +39,7 @@ class Timers:
 class RuleRun:
     """Mutable. `take` and `fire` give what was found, by key.
 
-    place     among the rules of the map, those that it reads before it
-    given_up  because too much was under way in a key, since this version of the rule is in force
+    place  among the rules of the map, those that it reads before it
     """
 
     def __init__(self, rule: Rule, timers: Timers) -> None:
@@ -45,9 +48,10 @@ class RuleRun:
         self.place = 0
         self.maker = EventMaker(rule)
         self._timers = timers
-        self.given_up: GivenUp | None = None
+        self._given_up: GivenUp | None = None
         self._program = compile_rule(declaration)
         self._excess: list[Row] = getattr(self._program, "given_up", [])
+        self._untold: list[tuple[Row, int]] = getattr(self._program, "untold", [])
         self._step = self._program.step
         self._deadline_us = self._program.deadline_us
         self._where = compile_where(declaration)
@@ -75,6 +79,8 @@ class RuleRun:
         after, matches = self._step(before, row)
         if after is not before:
             self._keep(key, after)
+        if self._excess or len(self._untold) > NOTED_AT_ONCE:
+            self._note_given_up()
         if not matches:
             return ()
         return ((key, matches[0]),) if len(matches) == 1 else [(key, match) for match in matches]
@@ -100,12 +106,12 @@ class RuleRun:
         del self._armed[key]
         after, matches = self._program.advance(self._states[key], moment_us)
         self._keep(key, after, moment_us + 1)
+        if self._excess:
+            self._note_given_up()
         return [(key, match) for match in matches]
 
     def _keep(self, key: Key, state: State | None, earliest_us: int | None = None) -> None:
         self._changed.add(key)
-        if self._excess:
-            self._note_given_up()
         if state is None:
             self._states.pop(key, None)
             return
@@ -119,10 +125,21 @@ class RuleRun:
             deadline_us = earliest_us
         self._arm(key, deadline_us)
 
+    @property
+    def given_up(self) -> GivenUp | None:
+        """Because too much was under way in a key, or ended there at once, since this version is in force."""
+        if self._excess or self._untold:
+            self._note_given_up()
+        return self._given_up
+
+    def add_given_up(self, given_up: GivenUp) -> None:
+        """It has given this up as well."""
+        self._given_up = given_up if self._given_up is None else self._given_up + given_up
+
     def _note_given_up(self) -> None:
-        given_up = given_up_of(self.rule.declaration.partition_by, self._excess)
-        self.given_up = given_up if self.given_up is None else self.given_up + given_up
+        self.add_given_up(given_up_of(self.rule.declaration.partition_by, self._excess, self._untold))
         self._excess.clear()
+        self._untold.clear()
 
     def _arm(self, key: Key, deadline_us: int) -> None:
         self._armed[key] = deadline_us
@@ -165,8 +182,11 @@ class RuleRun:
             yield from self._presence.texts()
 
 
-def given_up_of(partition_by: Sequence[str], firsts: Sequence[Row]) -> GivenUp:
-    """What was given up in one key: attempts that began with these rows."""
-    first = min(firsts, key=lambda row: row.order)
+def given_up_of(
+    partition_by: Sequence[str], firsts: Sequence[Row], untold: Sequence[tuple[Row, int]]
+) -> GivenUp:
+    """What was given up in one key: attempts that began with these rows, and matches that were not told."""
+    first = min((*firsts, *(row for row, _ in untold)), key=lambda row: row.order)
     key = {name: part_of(first.values, name.split(".")) for name in partition_by}
-    return GivenUp(len(firsts), to_datetime(first.own_stamp_us), key)
+    matches = min(sum(count for _, count in untold), MOST_COUNTED)
+    return GivenUp(len(firsts), to_datetime(first.own_stamp_us), key, matches)

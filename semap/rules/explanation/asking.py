@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from semap.cql2 import Call, Expression, Interval, Literal, Property, Shape, parts
+from semap.cql2 import Call, Expression, Interval, Literal, Shape
 from semap.rules.bound import Bound
 from semap.rules.condition import compile_condition, compile_measure
-from semap.rules.explanation.condition_text import LOGIC, write, write_call, write_value
+from semap.rules.condition_text import LOGIC, write, write_call, write_value
 from semap.rules.row import Row, Value
 
 
@@ -40,22 +40,18 @@ class Asked:
         return sum(not part.holds for part in self.parts)
 
 
-def ask(
-    variable: str, condition: Expression | None, row: Row, bound: Bound | None, before: Row | None
-) -> Asked:
+def ask(variable: str, condition: Expression | None, row: Row, bound: Bound | None) -> Asked:
     """Ask whether a row can be bound to the variable after those that are.
 
     condition  of the variable; None is true of any row
-    before     the row before in the key
     """
     if condition is None:
         return Asked(variable, row, (), True)
     chain = Bound(variable, row, bound)
     found = tuple(
-        Part(write(leaf), _with_values(leaf, chain, before), _holds(leaf, chain, before))
-        for leaf in _leaves(condition)
+        Part(write(leaf), _with_values(leaf, chain), _holds(leaf, chain)) for leaf in _leaves(condition)
     )
-    return Asked(variable, row, found, _holds(condition, chain, before))
+    return Asked(variable, row, found, _holds(condition, chain))
 
 
 def _leaves(expression: Expression) -> Iterator[Expression]:
@@ -67,24 +63,20 @@ def _leaves(expression: Expression) -> Iterator[Expression]:
             yield expression
 
 
-def _holds(expression: Expression, chain: Bound, before: Row | None) -> bool:
-    return compile_condition(expression).test_bound(chain.row, chain, before)
+def _holds(expression: Expression, chain: Bound) -> bool:
+    return compile_condition(expression).test_bound(chain.row, chain)
 
 
-def _with_values(leaf: Expression, chain: Bound, before: Row | None) -> str:
+def _with_values(leaf: Expression, chain: Bound) -> str:
     if not isinstance(leaf, Call) or leaf.op == "isA":
         return ""
-    return write_call(leaf, lambda operand: _come_to(operand, chain, before))
+    return write_call(leaf, lambda operand: _come_to(operand, chain))
 
 
-def _come_to(operand: Expression, chain: Bound, before: Row | None) -> str:
+def _come_to(operand: Expression, chain: Bound) -> str:
     """What an operand comes to; as it is written where that is no plain value."""
     match operand:
-        case Call(op="prev", args=(Property(name=name),)):
-            return write_value(None if before is None else before.values.get(name))
         case Literal() | Shape() | Interval():
             return write(operand)
-    if any(isinstance(part, Call) and part.op == "prev" for part in parts(operand)):
-        return write(operand)
-    value: Value = compile_measure(operand)(chain)
+    value: Value = compile_measure(operand)(chain, chain, 0)
     return write_value(value)

@@ -9,14 +9,15 @@ from semap.errors import InvalidInput
 from semap.model.given_up import GivenUp
 from semap.rules.bound import Bound
 from semap.rules.compilation import compile_rule
+from semap.rules.condition_text import write_value
 from semap.rules.declaration import Declaration, Edges, RowPattern
 from semap.rules.engine.partition import part_of
 from semap.rules.engine.preparation import Preparation
 from semap.rules.engine.rule_run import given_up_of
 from semap.rules.explanation.asking import Asked, ask
-from semap.rules.explanation.condition_text import write_value
 from semap.rules.explanation.moment import Moment
 from semap.rules.explanation.near_miss import NearMiss, find_near_miss
+from semap.rules.matching.telling import UNMATCHED
 from semap.rules.program import Match, Program
 from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime
@@ -97,7 +98,7 @@ def explain(
     preparation = Preparation(declaration)
     in_order = sorted(rows, key=lambda row: row.order)
     of_key = [row for came in in_order for row in preparation.rows(came) if _is_of(row, wanted)]
-    where = [ask("where", declaration.where, row, None, None) for row in of_key]
+    where = [ask("where", declaration.where, row, None) for row in of_key]
     taken = [asked.row for asked in where if asked.holds]
     nothing = Explanation(declaration.name, wanted, at_us)
     if not taken:
@@ -107,11 +108,15 @@ def explain(
     until_us = max(taken[-1].stamp_us, moment.until_us, known_us)
     found = list(_matches(program, taken, until_us))
     nearest = min(found, key=lambda match: _outside_us(match, moment), default=None)
-    lost = getattr(program, "given_up", [])
-    nothing = replace(nothing, given_up=given_up_of(declaration.partition_by, lost) if lost else None)
-    near_miss = _why_not(declaration, taken, moment, found, until_us)
+    lost, untold = getattr(program, "given_up", []), getattr(program, "untold", [])
+    if lost or untold:
+        nothing = replace(nothing, given_up=given_up_of(declaration.partition_by, lost, untold))
+    in_matches = [match for match in found if match.identity != UNMATCHED]
+    near_miss = _why_not(declaration, taken, moment, in_matches, until_us)
     if nearest is not None and not _outside_us(nearest, moment):
-        is_its_own = any(map(moment.has, (nearest.stamp_us, *(row.stamp_us for _, row in nearest.rows))))
+        is_its_own = nearest.identity != UNMATCHED and any(
+            map(moment.has, (nearest.stamp_us, *(row.stamp_us for _, row in nearest.rows)))
+        )
         beside = None if is_its_own or near_miss is None or not near_miss.says_more else near_miss
         return replace(nothing, match=nearest, held=tuple(_held(declaration, nearest)), near_miss=beside)
     if nearest is not None and _outside_us(nearest, moment) >= (declaration.within.match_us or NEAR_US):
@@ -164,7 +169,7 @@ def _held(declaration: Declaration, match: Match) -> Iterator[Asked]:
         if variable in declaration.define and (
             isinstance(declaration.body, RowPattern) or variable not in begun
         ):
-            yield ask(variable, declaration.define[variable], row, bound, None)
+            yield ask(variable, declaration.define[variable], row, bound)
         begun.add(variable)
         bound = Bound(variable, row, bound)
 
@@ -178,9 +183,9 @@ def _outside_us(match: Match, moment: Moment) -> int:
 def _nearest(declaration: Declaration, rows: Sequence[Row], moment: Moment) -> Iterator[Asked]:
     """The condition of each variable, asked of the row that fails in fewest parts and is nearest."""
     if isinstance(declaration.body, Edges):
-        yield ask("", None, min(rows, key=lambda row: moment.away_us(row.stamp_us)), None, None)
+        yield ask("", None, min(rows, key=lambda row: moment.away_us(row.stamp_us)), None)
     for variable, condition in declaration.define.items():
-        asked = [ask(variable, condition, row, None, None) for row in rows]
+        asked = [ask(variable, condition, row, None) for row in rows]
         yield min(asked, key=lambda each: (each.failed, moment.away_us(each.row.stamp_us)))
 
 
@@ -236,7 +241,7 @@ def _lost_lines(near_miss: NearMiss) -> Iterator[str]:
     elif near_miss.confidence is not None:
         yield f"  It was too unsure: confidence {near_miss.confidence:.3g} is less than at_least."
     else:
-        yield "  The rule makes no event of a match (emit), or had given it up."
+        yield "  The rule makes no event of a match (emit), had given it up, or told of others at that row."
 
 
 def _match(match: Match) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from semap.rules.bound import Bound, chained
-from semap.rules.compilation import compile_pattern
+from semap.rules.compilation import compile_attempts, neighbours_of
 from semap.rules.confidence import confidence_of
 from semap.rules.declaration import AfterMatch, Declaration, RowPattern
 from semap.rules.explanation.asking import Asked, ask
@@ -76,7 +76,7 @@ class _Life:
 
 
 def find_near_miss(
-    declaration: Declaration, rows: Sequence[Row], moment: Moment, found: Sequence[Match], until_us: int
+    declaration: Declaration, of_key: Sequence[Row], moment: Moment, found: Sequence[Match], until_us: int
 ) -> NearMiss | None:
     """What came nearest to a match of a row pattern at a moment, among the rows of one key, in their order.
 
@@ -86,8 +86,9 @@ def find_near_miss(
     """
     assert isinstance(declaration.body, RowPattern)  # noqa: S101
     # every match, whatever the rule makes of it
-    bare = replace(declaration, emit={"match": "match"}, confidence=None, measures={})
-    program = compile_pattern(bare, declaration.body.node, AfterMatch("to next"))
+    bare = replace(declaration, emit={"match": "match"}, confidence=None, measures={}, each_row=False)
+    rows = [*neighbours_of(declaration, declaration.body.node).all_told(of_key)]
+    program = compile_attempts(bare, declaration.body.node, AfterMatch("to next"))
     lives: dict[str, _Life] = {}
     matches: list[Match] = []
     state = None
@@ -115,7 +116,7 @@ def find_near_miss(
     beginning: tuple[Asked, ...] = ()
     if not alive:
         there = [row for row in rows if moment.has(row.stamp_us)] if lives else rows
-        beginning = _nearest(declaration, program.automaton.start.awaited, there, None, -1, moment, rows)
+        beginning = _nearest(declaration, program.automaton.start.awaited, there, None, -1, moment)
     if not lives:
         return NearMiss(asked=beginning)
     best = max((alive or lives).values(), key=lambda life: _nearness(life, rows, moment))
@@ -168,7 +169,7 @@ def _miss(declaration: Declaration, life: _Life, rows: Sequence[Row], moment: Mo
     is_over = not life.is_open
     return NearMiss(
         bound=path(bound),
-        asked=_nearest(declaration, life.run.outlook.awaited, seen, bound, last, moment, rows),
+        asked=_nearest(declaration, life.run.outlook.awaited, seen, bound, last, moment),
         came=tuple(_came(declaration, declaration.body.node, seen[last + 1 :], bound)),
         ended_us=life.run.deadline_us if is_over and life.by_time else None,
         ended_by=rows[life.until + 1] if is_over and not life.by_time else None,
@@ -198,17 +199,12 @@ def _nearest(
     bound: Bound | None,
     last: int,
     moment: Moment,
-    of_key: Sequence[Row],
 ) -> tuple[Asked, ...]:
-    """Of each variable, the row after the last one bound that fails in fewest parts of its condition.
-
-    of_key  all rows of the key: the one before a row is among these
-    """
-    before = dict(zip((row.uid for row in of_key[1:]), of_key, strict=False))
+    """Of each variable, the row after the last one bound that fails in fewest parts of its condition."""
     found = []
     for variable in variables:
         asked = [
-            ask(variable, declaration.define.get(variable), row, bound, before.get(row.uid))
+            ask(variable, declaration.define.get(variable), row, bound)
             for place, row in enumerate(rows)
             if place > last
         ]
@@ -221,7 +217,7 @@ def _came(declaration: Declaration, node: Node, rows: Sequence[Row], bound: Boun
     """The first row of each kind that was to be absent."""
     for name in dict.fromkeys(_unwanted(node)):
         for row in rows:
-            asked = ask(name, declaration.define.get(name), row, bound, None)
+            asked = ask(name, declaration.define.get(name), row, bound)
             if asked.holds:
                 yield asked
                 break

@@ -71,4 +71,4 @@ def satisfies(row: Row, variable: str, condition: Condition | None) -> bool:
         return True
     if condition.test is not None:
         return condition.test(row)
-    return condition.test_bound(row, Bound(variable, row), None)
+    return condition.test_bound(row, Bound(variable, row))

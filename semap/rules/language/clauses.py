@@ -6,14 +6,16 @@ Everything here raises InvalidInput with the path of the clause, such as `within
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import cast
 
 from semap.errors import InvalidInput
-from semap.rules.declaration import AfterMatch, Confidence, Input, Windows
+from semap.rules.declaration import AfterMatch, Confidence, Input, Skip, Windows
 from semap.rules.language.duration import REMEDY as DURATIONS
 from semap.rules.language.duration import read_duration
-from semap.rules.language.words import read_name, unknown
+from semap.rules.language.words import read_name, read_variable, unknown
+from semap.rules.naming import Subsets
 from semap.rules.row import PROPERTIES
 
 INPUTS = ("query", "object_state", "map", "rule")
@@ -24,19 +26,29 @@ INPUT_REMEDY = (
 )
 KEYS = [name for name, kind in PROPERTIES.items() if kind in ("text", "number")]
 KEYS_AT_MOST = 8
-SKIPS = {
+SKIPS: Mapping[str, Skip] = {
     "no skip": "none",
     "skip to next row": "to next",
     "skip past last row": "past last",
     "skip to first": "to first",
     "skip to last": "to last",
+    "skip to": "to last",
+    "no skip, clear": "clear",
 }
+AT_MOST = re.compile(r"\s*,\s*at\s+most\s+(\d{1,9})\s*\Z", re.IGNORECASE)
+SKIPS_TO = ("skip to first", "skip to last", "skip to")
+OR_FAIL = re.compile(r"\s+or\s+fail\s*\Z", re.IGNORECASE)
+SKIP_TO = re.compile(r"\s*(skip\s+to(?:\s+(?:first|last))?)\s+(\w+)\s*\Z", re.IGNORECASE)
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "lognormal": ("median_s", "sigma"),
     "normal": ("mean_s", "std_s"),
     "exponential": ("mean_s",),
 }
 MAY_BE_NEGATIVE = ("normal", "mean_s")
+SUBSET_REMEDY = "For example: subset: {S: [A, B]}"
+LONGEST_WORD = 100
+"""Of what a message repeats."""
+
 CONFIDENCE_REMEDY = (
     "Write confidence: {gap: [O, E], distribution: lognormal, median_s: 2, sigma: 0.6, at_least: 0.2}."
 )
@@ -141,24 +153,70 @@ def read_about(value: object, variables: Collection[str]) -> str | None:
     return value
 
 
-def read_after_match(value: object, variables: Collection[str]) -> AfterMatch:
+def read_subsets(value: object, variables: Collection[str]) -> Mapping[str, frozenset[str]]:
+    """Names for several variables each."""
+    if value is None:
+        return {}
+    found = {}
+    for name, members in read_mapping(value, "subset", SUBSET_REMEDY).items():
+        where = f"subset.{name}"
+        read_variable(name, where)
+        if name in variables:
+            raise InvalidInput(f"{name} is a variable of the pattern", "Give the subset another name.", where)
+        if not isinstance(members, Sequence) or isinstance(members, str) or not members:
+            raise InvalidInput("a list of variables is needed", SUBSET_REMEDY, where)
+        for member in members:
+            if not isinstance(member, str) or member not in variables:
+                raise unknown(f"no row is bound to {member}", str(member), sorted(variables), where)
+        found[name] = frozenset(members)
+    return found
+
+
+def read_rows_per_match(value: object) -> bool:
+    """Whether each row of a match makes an event."""
+    words = " ".join(value.split()).lower() if isinstance(value, str) else str(value)
+    if value is None or words == "one":
+        return False
+    if words == "all":
+        return True
+    raise unknown("it is neither one nor all", words[:LONGEST_WORD], ("one", "all"), "rows_per_match")
+
+
+def read_after_match(value: object, variables: Collection[str], subsets: Subsets) -> AfterMatch:
     """Where the next match may begin."""
     if value is None:
         return AfterMatch()
-    words = value.split()[:5] if isinstance(value, str) else []
-    asks_variable = " ".join(words[:3]).lower() in ("skip to first", "skip to last") and len(words) == 4
-    said = " ".join(words[:3] if asks_variable else words).lower()
-    if said not in SKIPS or (said in ("skip to first", "skip to last")) != asks_variable:
-        raise unknown(
-            "it does not define where to continue",
-            said,
-            [name if name.split()[-1] not in ("first", "last") else f"{name} X" for name in SKIPS],
+    text = value if isinstance(value, str) else ""
+    if limit := AT_MOST.search(text):
+        return _limited(text[: limit.start()], int(limit[1]))
+    said = " ".join(text.split()).lower()
+    if said in SKIPS and said not in SKIPS_TO:
+        return AfterMatch(SKIPS[said])
+    strict = OR_FAIL.search(text) is not None
+    to = SKIP_TO.fullmatch(OR_FAIL.sub("", text))
+    if to is None:
+        known = [f"{name} X" if name in SKIPS_TO else name for name in SKIPS]
+        raise unknown("it does not define where to continue", said[:LONGEST_WORD], known, "after_match")
+    name = to[2]
+    if to[1].split()[-1].lower() == "to" and name.lower() in ("first", "last"):
+        raise unknown("it does not define where to continue", said, [f"{said} X"], "after_match")
+    if name not in variables and name not in subsets:
+        word = name[:LONGEST_WORD]
+        raise unknown(f"no row is bound to {word}", word, sorted({*variables, *subsets}), "after_match")
+    members = subsets.get(name, frozenset({name}))
+    return AfterMatch(SKIPS[" ".join(to[1].split()).lower()], members, strict)
+
+
+def _limited(text: str, at_most: int) -> AfterMatch:
+    """All matches, of which so many are told of those that end at one row."""
+    skip = SKIPS.get(" ".join(text.split()).lower())
+    if skip not in ("none", "clear") or at_most == 0:
+        raise InvalidInput(
+            "a limit is of the matches that end at one row, and above zero",
+            "Write no skip, at most 100; other ways to skip give one match of each start.",
             "after_match",
         )
-    if asks_variable and words[3] not in variables:
-        word = words[3][:100]
-        raise unknown(f"no row is bound to {word}", word, sorted(variables), "after_match")
-    return AfterMatch(SKIPS[said], words[3] if asks_variable else "")  # type: ignore[arg-type]
+    return AfterMatch(skip, at_most=at_most)
 
 
 def read_confidence(value: object, variables: Collection[str]) -> Confidence | None:

@@ -1,7 +1,7 @@
 """The text of a formula of metric temporal logic.
 
-From loose to tight: implies (to the right), or, and, until, then not, always and eventually. Bounds stand
-in brackets after always, eventually and until: [0 s, 6 s], [6 s, inf]; without them it is for ever.
+From loose to tight: implies (to the right), or, and, then until and since, then not and the words that stand
+before one part. Bounds stand in brackets after such a word: [0 s, 6 s], [6 s, inf]; without, it is for ever.
 `p implies q` is read as `not p or q`.
 """
 
@@ -9,12 +9,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.formula import (
+    Always,
+    And,
+    Atom,
+    Constant,
+    Eventually,
+    Formula,
+    Future,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Past,
+    Previous,
+    Since,
+    Until,
+)
 from semap.rules.language.duration import read_duration, write_duration
 from semap.rules.language.tokens import Tokens
 from semap.rules.language.words import OF_FORMULAS, read_variable
 
 REMEDY = "A formula is such as: eventually[0 s, 6 s] E, or always[0 s, 5 min] (O and not P)."
+BEFORE_ONE: dict[str, type[Always | Eventually | Once | Historically | Previous]] = {
+    "always": Always,
+    "eventually": Eventually,
+    "once": Once,
+    "historically": Historically,
+    "previous": Previous,
+}
+BETWEEN: dict[str, type[Until | Since]] = {"until": Until, "since": Since}
 CONSTANTS = {"true": True, "false": False}
 FOREVER = "inf"
 
@@ -39,12 +63,10 @@ def write(formula: Formula) -> str:
             return "true" if value else "false"
         case Not(inner):
             return f"not {_prefixed(inner)}"
-        case Always(inner):
-            return f"always{_bounds_text(formula)} {_prefixed(inner)}"
-        case Eventually(inner):
-            return f"eventually{_bounds_text(formula)} {_prefixed(inner)}"
-        case Until(left, right):
-            return f"{_prefixed(left)} until{_bounds_text(formula)} {_prefixed(right)}"
+        case Until(left, right) | Since(left, right):
+            return f"{_prefixed(left)} {_word(formula)}{_bounds_text(formula)} {_prefixed(right)}"
+        case Always(inner) | Eventually(inner) | Once(inner) | Historically(inner) | Previous(inner):
+            return f"{_word(formula)}{_bounds_text(formula)} {_prefixed(inner)}"
         case And(parts):
             return " and ".join(f"({write(p)})" if isinstance(p, And | Or) else write(p) for p in parts)
         case Or(parts):
@@ -52,11 +74,15 @@ def write(formula: Formula) -> str:
 
 
 def _prefixed(formula: Formula) -> str:
-    """What stands after not, always or eventually, and on both sides of until."""
-    return f"({write(formula)})" if isinstance(formula, And | Or | Until) else write(formula)
+    """What stands after not, always and the like, and on both sides of until and since."""
+    return f"({write(formula)})" if isinstance(formula, And | Or | Until | Since) else write(formula)
 
 
-def _bounds_text(formula: Always | Eventually | Until) -> str:
+def _word(formula: Future | Past) -> str:
+    return type(formula).__name__.lower()
+
+
+def _bounds_text(formula: Future | Past) -> str:
     if formula.from_us == 0 and formula.to_us is None:
         return ""
     to = FOREVER if formula.to_us is None else write_duration(formula.to_us)
@@ -87,13 +113,15 @@ def _joined(
 
 def _until(tokens: Tokens) -> Formula:
     left = _unary(tokens)
-    if not tokens.takes("until"):
+    word = tokens.next.text
+    if word not in BETWEEN:
         return left
+    tokens.take()
     from_us, to_us = _bounds(tokens)
     right = _unary(tokens)
-    if tokens.next.text == "until":
-        raise tokens.refused("until after until", "Put parentheses around one of them.")
-    return Until(left, right, from_us, to_us)
+    if tokens.next.text in BETWEEN:
+        raise tokens.refused(f"{tokens.next.text} after {word}", "Put parentheses around one of them.")
+    return BETWEEN[word](left, right, from_us, to_us)
 
 
 def _unary(tokens: Tokens) -> Formula:
@@ -101,12 +129,10 @@ def _unary(tokens: Tokens) -> Formula:
     found: Formula
     if tokens.takes("not"):
         found = Not(_unary(tokens))
-    elif tokens.takes("always"):
+    elif tokens.next.text in BEFORE_ONE:
+        operator = BEFORE_ONE[tokens.take().text]
         from_us, to_us = _bounds(tokens)
-        found = Always(_unary(tokens), from_us, to_us)
-    elif tokens.takes("eventually"):
-        from_us, to_us = _bounds(tokens)
-        found = Eventually(_unary(tokens), from_us, to_us)
+        found = operator(_unary(tokens), from_us, to_us)
     elif tokens.takes("("):
         found = _implies(tokens)
         tokens.need(")")

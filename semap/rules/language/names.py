@@ -8,7 +8,7 @@ from functools import reduce
 from operator import or_
 
 from semap.rules.declaration import Body, Edges, IntervalPattern, RowPattern, TemporalFormula
-from semap.rules.pattern import Absent, Alternation, Node, Permutation, Repeat, Sequence, Variable
+from semap.rules.pattern import Absent, Alternation, Anchor, Node, Permutation, Repeat, Sequence, Variable
 from semap.rules.temporal.metric import atom_names
 
 
@@ -53,6 +53,8 @@ def _names_in(node: Node) -> Names:
             return Names(bound=frozenset({name}))
         case Absent(name):
             return Names(absent=frozenset({name}))
+        case Anchor():
+            return Names()
         case Repeat(node=inner, until=until):
             return _names_in(inner) | Names(ending=frozenset({until} if until is not None else ()))
         case Sequence(elements):
@@ -61,4 +63,4 @@ def _names_in(node: Node) -> Names:
             inside = options
         case Permutation(nodes):
             inside = nodes
-    return reduce(or_, map(_names_in, inside))
+    return reduce(or_, map(_names_in, inside), Names())

@@ -3,8 +3,9 @@
 alternatives  sequence | sequence ...
 sequence      element, then elements each with the joint before it
 joint         next (or nothing), followed by, followed by any; not next N, not followed by N
-element       VARIABLE, (alternatives), permute(alternatives, ...) [relaxed | any]; then a quantifier
-quantifier    ? * + {n} {n,} {n,m} {,m}; ? after it: reluctant; then relaxed or any: between its rounds;
+element       VARIABLE, (alternatives), (), {- alternatives -}, ^, $,
+              permute(alternatives, ...) [relaxed | any]; then a quantifier
+quantifier    ? * + {n} {n,} {n,m} {,m} {,}; ? after it: reluctant; then relaxed or any: between its rounds;
               then until U
 
 intervals     P during D, P starts|during D
@@ -13,6 +14,8 @@ intervals     P during D, P starts|during D
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from typing import Literal
 
 from semap.rules.declaration import IntervalPattern, RowPattern
 from semap.rules.interval.allen import relations_named
@@ -22,6 +25,7 @@ from semap.rules.matching.follow import POSITIONS_AT_MOST
 from semap.rules.pattern import (
     Absent,
     Alternation,
+    Anchor,
     Element,
     Joint,
     Node,
@@ -34,6 +38,7 @@ from semap.rules.pattern import (
 REMEDY = "A pattern is such as: O followed by E, or A B+ (C | D)?, or P during D."
 QUANTIFIERS: dict[str, tuple[int, int | None]] = {"?": (0, 1), "*": (0, None), "+": (1, None)}
 WORDS: dict[Joint, str] = {"next": "", "relaxed": "followed by ", "any": "followed by any "}
+ANCHORS: dict[str, Literal["begin", "end"]] = {"^": "begin", "$": "end"}
 BETWEEN: dict[Joint, str] = {"next": "", "relaxed": " relaxed", "any": " any"}
 
 
@@ -59,8 +64,14 @@ def read(source: object, place: str = "pattern") -> RowPattern | IntervalPattern
 def write(node: Node) -> str:
     """The shortest text that `read` takes for this."""
     match node:
-        case Variable(name) | Absent(name):
+        case Variable(name, excluded):
+            return f"{{- {name} -}}" if excluded else name
+        case Absent(name):
             return name
+        case Anchor(at):
+            return next(sign for sign, where in ANCHORS.items() if where == at)
+        case Sequence(()):
+            return "()"
         case Sequence(elements):
             return " ".join(_written(each, first=n == 0) for n, each in enumerate(elements))
         case Alternation(options):
@@ -70,7 +81,9 @@ def write(node: Node) -> str:
         case Permutation(nodes, joint):
             return f"permute({', '.join(map(write, nodes))}){BETWEEN[joint]}"
         case Repeat():
-            inner = write(node.node) if isinstance(node.node, Variable) else f"({write(node.node)})"
+            inner = write(node.node)
+            if not isinstance(node.node, Variable | Anchor) and inner != "()":
+                inner = f"({inner})"
             until = f" until {node.until}" if node.until is not None else ""
             return f"{inner}{_quantifier(node)}{BETWEEN[node.joint]}{until}"
 
@@ -83,7 +96,7 @@ def write_intervals(pattern: IntervalPattern) -> str:
 def _length(node: Node) -> int:
     """How many variables it has once counts and permutations are written out; found without doing so."""
     match node:
-        case Variable() | Absent():
+        case Variable() | Absent() | Anchor():
             return 1
         case Sequence(elements):
             return sum(_length(element.node) for element in elements)
@@ -99,7 +112,7 @@ def _written(element: Element, first: bool) -> str:
     if isinstance(element.node, Absent):
         return f"not {'next' if element.joint == 'next' else 'followed by'} {element.node.name}"
     text = write(element.node)
-    if isinstance(element.node, Sequence | Alternation):
+    if isinstance(element.node, Sequence | Alternation) and text != "()":
         text = f"({text})"
     return text if first else f"{WORDS[element.joint]}{text}"
 
@@ -109,7 +122,7 @@ def _quantifier(node: Repeat) -> str:
     if sign is None:
         least = str(node.least or "")
         most = "" if node.most is None else str(node.most)
-        sign = f"{{{most}}}" if node.least == node.most else f"{{{least},{most}}}"
+        sign = f"{{{most}}}" if most and node.least == node.most else f"{{{least},{most}}}"
     return sign if node.greedy else f"{sign}?"
 
 
@@ -143,7 +156,7 @@ def _alternatives(tokens: Tokens) -> Node:
 
 def _sequence(tokens: Tokens) -> Node:
     elements = [Element("next", _element(tokens))]
-    while (tokens.next.kind != "end") and tokens.next.text not in ("|", ")", ","):
+    while (tokens.next.kind != "end") and tokens.next.text not in ("|", ")", ",", "-}"):
         elements.append(_joined(tokens))
     return elements[0].node if len(elements) == 1 else Sequence(tuple(elements))
 
@@ -180,7 +193,15 @@ def _element(tokens: Tokens) -> Node:
 
 
 def _unquantified(tokens: Tokens) -> Node:
+    if tokens.next.text in ANCHORS:
+        return Anchor(ANCHORS[tokens.take().text])
+    if tokens.takes("{-"):
+        node = _excluded(_alternatives(tokens))
+        tokens.need("-}")
+        return node
     if tokens.takes("("):
+        if tokens.takes(")"):
+            return Sequence(())
         node = _alternatives(tokens)
         tokens.need(")")
         return node
@@ -199,6 +220,22 @@ def _unquantified(tokens: Tokens) -> Node:
     return Variable(_variable(tokens))
 
 
+def _excluded(node: Node) -> Node:
+    """The node with all its rows excluded."""
+    match node:
+        case Variable(name):
+            return Variable(name, excluded=True)
+        case Sequence(elements):
+            return Sequence(tuple(Element(each.joint, _excluded(each.node)) for each in elements))
+        case Alternation(nodes):
+            return Alternation(tuple(map(_excluded, nodes)))
+        case Permutation(nodes):
+            return replace(node, nodes=tuple(map(_excluded, nodes)))
+        case Repeat(inner):
+            return replace(node, node=_excluded(inner))
+    return node
+
+
 def _between(tokens: Tokens) -> Joint:
     """The joint between rounds, or between the parts of a permutation."""
     if tokens.takes("relaxed"):
@@ -207,13 +244,13 @@ def _between(tokens: Tokens) -> Joint:
 
 
 def _counts(tokens: Tokens) -> tuple[int, int | None]:
-    """{n}, {n,}, {n,m} or {,m}."""
+    """{n}, {n,}, {n,m}, {,m} or {,}."""
     start = tokens.take()
     least = _count(tokens)
     comma = tokens.takes(",")
     most = _count(tokens) if comma else least
     tokens.need("}")
-    if (least is None and most is None) or most == 0 or (most is not None and (least or 0) > most):
+    if (least is None and not comma) or most == 0 or (most is not None and (least or 0) > most):
         raise tokens.refused(
             "a quantifier of no rounds, or of more at least than at most",
             "Write {2}, {2,}, {2,5} or {,5}.",

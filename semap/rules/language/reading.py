@@ -9,10 +9,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Mapping, Sequence
 
-from semap.cql2 import Call, Expression, parts
+from semap.cql2 import Expression
 from semap.errors import InvalidInput
-from semap.rules.compilation import compile_rule
-from semap.rules.condition import read_condition, read_measure
+from semap.rules.compilation import OUTCOMES, compile_rule
+from semap.rules.condition import asks_of_pattern, read_condition, read_measure
 from semap.rules.declaration import (
     Body,
     Declaration,
@@ -31,18 +31,33 @@ from semap.rules.language.clauses import (
     read_inputs,
     read_mapping,
     read_partition,
+    read_rows_per_match,
+    read_subsets,
     read_windows,
 )
 from semap.rules.language.names import Names, names_of
-from semap.rules.language.source_text import read_source
+from semap.rules.language.source_text import LONGEST, read_source
+from semap.rules.language.sql_text import is_sql, read_sql
 from semap.rules.language.stored_form import stored_form
 from semap.rules.language.words import read_identifier, read_name, read_variable, unknown
+from semap.rules.matching.follow import may_be_empty
+from semap.rules.naming import Subsets
 from semap.rules.needs import OF_ACTOR, properties_read
 
 ALWAYS = ("name", "input", "where", "partition_by", "measures", "emit")
 CLAUSES: Mapping[type[Body], tuple[str, ...]] = {
     Edges: ALWAYS,
-    RowPattern: (*ALWAYS, "pattern", "define", "within", "after_match", "about", "confidence"),
+    RowPattern: (
+        *ALWAYS,
+        "pattern",
+        "subset",
+        "define",
+        "rows_per_match",
+        "within",
+        "after_match",
+        "about",
+        "confidence",
+    ),
     IntervalPattern: (*ALWAYS, "pattern", "define", "within", "confidence"),
     TemporalFormula: (*ALWAYS, "formula", "when", "define", "confidence"),
 }
@@ -54,7 +69,7 @@ KINDS: Mapping[type[Body], str] = {
     TemporalFormula: "the formula",
 }
 EMITS: Mapping[type[Body], tuple[str, ...]] = {
-    RowPattern: ("match", "timeout"),
+    RowPattern: OUTCOMES,
     IntervalPattern: ("match",),
     TemporalFormula: ("holds", "fails"),
 }
@@ -72,15 +87,30 @@ LONGEST_WORD = 100
 
 
 def read_declaration(text: str, name: str | None = None) -> Declaration:
-    """Read a rule from YAML or JSON; `name` stands in for a missing clause `name`.
+    """Read a rule from YAML, JSON or SQL; `name` stands in for a missing clause `name`.
 
     raises InvalidInput naming the clause, the line and the column
     """
+    if is_sql(text):
+        return _from_sql(text, name)
     source = read_source(text)
     try:
         return parse_declaration(source.document, name)
     except InvalidInput as error:
         raise source.placed(error) from error
+
+
+def _from_sql(text: str, name: str | None) -> Declaration:
+    """Only a pattern that may bind no row has an event of that."""
+    if len(text) > LONGEST:
+        raise InvalidInput(f"more than {LONGEST} characters", "Make several rules of it.")
+    clauses = read_sql(text)
+    emit = clauses["emit"]
+    assert isinstance(emit, dict)  # noqa: S101
+    body = _body(clauses)
+    if not isinstance(body, RowPattern) or not may_be_empty(body.node):
+        emit.pop("empty", None)
+    return parse_declaration(clauses, name)
 
 
 def parse_declaration(document: object, name: str | None = None) -> Declaration:
@@ -98,6 +128,7 @@ def parse_declaration(document: object, name: str | None = None) -> Declaration:
                 clause,
             )
     names = names_of(body)
+    subsets = read_subsets(clauses.get("subset"), names.bound)
     declaration = Declaration(
         name=read_name(clauses.get("name", name), "name"),
         inputs=read_inputs(clauses.get("input")),
@@ -105,10 +136,12 @@ def parse_declaration(document: object, name: str | None = None) -> Declaration:
         emit=_emit(clauses.get("emit"), body),
         where=_where(clauses.get("where")),
         partition_by=read_partition(clauses.get("partition_by")),
-        define=_define(clauses.get("define"), body, names),
-        measures=_measures(clauses.get("measures"), names.bound),
+        define=_define(clauses.get("define"), body, names, subsets),
+        measures=_measures(clauses.get("measures"), body, names.bound, subsets),
         within=read_windows(clauses.get("within"), names.bound | names.absent),
-        after_match=read_after_match(clauses.get("after_match"), names.bound),
+        after_match=read_after_match(clauses.get("after_match"), names.bound, subsets),
+        each_row=read_rows_per_match(clauses.get("rows_per_match")),
+        subsets=subsets,
         about=read_about(clauses.get("about"), names.bound),
         confidence=read_confidence(clauses.get("confidence"), names.bound),
         document={clause: value for clause, value in clauses.items() if clause != "name"},
@@ -165,7 +198,7 @@ def _where(value: object) -> Expression | None:
     return condition
 
 
-def _define(value: object, body: Body, names: Names) -> Mapping[str, Expression]:
+def _define(value: object, body: Body, names: Names, subsets: Subsets) -> Mapping[str, Expression]:
     """The conditions, each of a variable that the pattern or formula uses."""
     if value is None:
         given: Mapping[str, object] = {}
@@ -188,24 +221,36 @@ def _define(value: object, body: Body, names: Names) -> Mapping[str, Expression]
     found = {}
     for name, text in given.items():
         where = f"define.{name}"
-        found[name] = read_condition(_text(text, where), where, names.bound if is_rows else frozenset())
+        variables = names.bound if is_rows else _asked_of(body, name)
+        found[name] = read_condition(_text(text, where), where, variables, subsets)
         if not is_rows:
             _refuse_before(found[name], where)
     return found
 
 
-def _measures(value: object, variables: frozenset[str]) -> Mapping[str, Expression]:
+def _asked_of(body: Body, name: str) -> frozenset[str]:
+    """The variable of which an atom may ask: of the row at which its formula is asked."""
+    if isinstance(body, TemporalFormula) and body.when not in (None, name):
+        return frozenset({str(body.when)})
+    return frozenset()
+
+
+def _measures(
+    value: object, body: Body, variables: frozenset[str], subsets: Subsets
+) -> Mapping[str, Expression]:
     if value is None:
         return {}
     given = read_mapping(value, "measures", "For example: measures: {who: last(E.track)}")
     if len(given) > MEASURES_AT_MOST:
         raise InvalidInput(f"more than {MEASURES_AT_MOST} measures", "Leave some out.", "measures")
-    return {
-        read_identifier(name, f"measures.{name}"): read_measure(
-            _text(text, f"measures.{name}"), f"measures.{name}", variables
-        )
-        for name, text in given.items()
-    }
+    found = {}
+    for name, text in given.items():
+        where = f"measures.{name}"
+        measure = read_measure(_text(text, where), where, variables, subsets)
+        if not isinstance(body, RowPattern):
+            _refuse_before(measure, where)
+        found[read_identifier(name, where)] = measure
+    return found
 
 
 def _text(value: object, where: str) -> str:
@@ -215,8 +260,9 @@ def _text(value: object, where: str) -> str:
 
 
 def _refuse_before(condition: Expression, where: str) -> None:
-    if any(isinstance(part, Call) and part.op == "prev" for part in parts(condition)):
-        raise InvalidInput("prev is of patterns of rows only", "Ask of the row itself.", where)
+    asked = asks_of_pattern(condition)
+    if asked:
+        raise InvalidInput(f"{asked} is of patterns of rows only", "Ask of the row itself.", where)
 
 
 def _require_sense(declaration: Declaration) -> None:

@@ -9,7 +9,8 @@ from semap.cql2.text import place_in
 from semap.errors import InvalidInput
 
 TOKEN = re.compile(
-    r"\s+ | (?P<number>\d+(?:\.\d*)?|\.\d+) | (?P<word>[A-Za-z_][A-Za-z0-9_]*) | (?P<sign>[?*+{}|(),\[\]])",
+    r"\s+ | (?P<number>\d+(?:\.\d*)?|\.\d+) | (?P<word>[A-Za-z_][A-Za-z0-9_]*)"
+    r" | (?P<sign>\{-|-\}|[?*+{}|(),\[\]^$])",
     re.VERBOSE | re.ASCII,
 )
 LONGEST = 4_000

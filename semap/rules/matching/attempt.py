@@ -7,6 +7,7 @@ dear, and a row makes several.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from semap.rules.bound import Bound
 from semap.rules.matching.automaton import Outlook
@@ -47,6 +48,19 @@ class Attempt:
     timed_out: TimedOut | None = None
 
 
+class Underway(Protocol):
+    """An attempt, whether it is worked out or not."""
+
+    @property
+    def first(self) -> Row: ...
+
+    @property
+    def runs(self) -> tuple[Run, ...]: ...
+
+    @property
+    def timed_out(self) -> TimedOut | None: ...
+
+
 @dataclass(slots=True)
 class Ending:
     """A match, or a partial match that timed out."""
@@ -57,7 +71,7 @@ class Ending:
     is_match: bool = True
 
 
-def is_over(attempt: Attempt) -> bool:
+def is_over(attempt: Underway) -> bool:
     """Whether it is certain what becomes of it, but for earlier attempts that could skip it."""
     return not attempt.runs or attempt.runs[0].outlook.final is not None
 
@@ -70,6 +84,13 @@ def ends_with(attempt: Attempt, row: Row) -> bool:
 def length(bound: Bound) -> int:
     """How many rows are bound."""
     return sum(1 for _ in bound.latest_first())
+
+
+def first_row(bound: Bound) -> Row:
+    """The first row bound."""
+    while bound.before is not None:
+        bound = bound.before
+    return bound.row
 
 
 def path(bound: Bound) -> tuple[tuple[str, Row], ...]:

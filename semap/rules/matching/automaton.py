@@ -15,12 +15,14 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from semap.errors import InvalidInput
-from semap.rules.bound import Bound, Condition
+from semap.rules.bound import Asked, Bound, Condition
 from semap.rules.declaration import Windows
-from semap.rules.matching.follow import Following, Frame, Position, Step, positions
+from semap.rules.matching.follow import END, Following, Frame, Position, Step, positions
+from semap.rules.matching.neighbours import begins_partition
 from semap.rules.pattern import Joint, Node
 from semap.rules.row import Row
 
+BEGINS, BEGINS_NOT = "^", "not ^"
 FOREVER_US = 2**63 - 1
 """No stamp comes to it: at it, or beyond it, ends what has no window."""
 
@@ -59,6 +61,7 @@ class Finish:
     """The run may end here: at once, or once the windows of absences have ended.
 
     waits     of each absence how long after the last row [us]; None: as long as the whole match may last
+    stamped   those of them at whose end the match stands; of none it stands at its last row
     certain   whether nothing has to be waited for any more
     complete  this choice when it has waited long enough
     """
@@ -70,6 +73,7 @@ class Finish:
     certain: bool
     later: Finish | None = None
     complete: Finish | None = None
+    stamped: tuple[int | None, ...] = ()
 
 
 Choice: TypeAlias = Take | Finish
@@ -106,10 +110,11 @@ class Outlook:
     simple     bits and tests that ask the row alone
     questions  the others
     moves      by the answers
+    may_finish  whether it may end here, at once or when windows end
     final      the choice by which a run here has ended for certain; it is the only one then
     """
 
-    __slots__ = ("choices", "final", "from_first", "moves", "questions", "simple")
+    __slots__ = ("choices", "final", "from_first", "may_finish", "moves", "questions", "simple")
 
     def __init__(
         self,
@@ -121,7 +126,9 @@ class Outlook:
         self.simple = simple
         self.questions = questions
         self.moves: dict[int, Move | None] = {}
-        self.final = choices[0] if isinstance(choices[0], Finish) and choices[0].certain else None
+        preferred = choices[0] if choices else None
+        self.may_finish = any(isinstance(choice, Finish) for choice in choices)
+        self.final = preferred if isinstance(preferred, Finish) and preferred.certain else None
         self.from_first = self.final is None and all(
             choice.reach_us == FOREVER_US if isinstance(choice, Take) else set(choice.waits) <= {None}
             for choice in choices
@@ -138,12 +145,15 @@ class Automaton:
 
     keep_all  whether all matches are wanted, not only the preferred one of each start
     start     the outlook at which each row may begin a run
+    may_be_empty  whether a match may bind no row
+    asked     which of the rows bound conditions ask; None: it may be all
+    by_first_row  whether conditions ask the row alone and windows count from the first row
     """
 
     def __init__(
         self, pattern: Node, conditions: Mapping[str, Condition], windows: Windows, *, keep_all: bool
     ) -> None:
-        self._conditions = conditions
+        self._conditions = {**conditions, **ANCHORS}
         self._windows = windows
         self._keep_all = keep_all
         self._bits: dict[str, int] = {}
@@ -153,18 +163,27 @@ class Automaton:
         self.choices: list[Choice] = []
         following = Following(pattern)
         start = following.start()
-        _refuse_unbound(start)
+        _refuse_absent(start)
         steps = positions(following)
         numbers = {position: number for number, position in enumerate(steps)}
         begin = tuple(self._choice(step, numbers) for step in start)
         self._after = tuple(tuple(self._choice(step, numbers) for step in after) for after in steps.values())
-        outlook, _ = self.outlook(begin)
-        assert outlook is not None  # noqa: S101
-        self.start = outlook
-        self.reads_bindings = any(conditions[name].test is None for name in self._bits if name in conditions)
-        self.reads_before = any(conditions[name].reads_before for name in self._bits if name in conditions)
+        outlook, self._empty = self.outlook(begin)
+        self.start = outlook or Outlook((), (), ())
+        self._begin = begin if self._empty else self.start.choices
+        self.may_be_empty = any(isinstance(choice, Finish) for choice in begin)
+        self.reads_bindings = any(
+            self._conditions[name].test is None for name in self._bits if name in self._conditions
+        )
+        asking = [self._conditions[name] for name in self._bits if name in self._conditions]
+        self.asked = _all_asked([each.asked for each in asking if each.test is None])
         self.counts_from_last = windows.step_us is not None or bool(windows.variables)
         self.waits = any(isinstance(choice, Finish) and not choice.certain for choice in self.choices)
+        self.by_first_row = not (
+            self.reads_bindings
+            or self.counts_from_last
+            or any(isinstance(choice, Finish) and not set(choice.waits) <= {None} for choice in self.choices)
+        )
 
     def _bit(self, name: str) -> int:
         return self._bits.setdefault(name, 1 << len(self._bits))
@@ -180,7 +199,7 @@ class Automaton:
         kills = self._mask((*(name for name, once in between.absences if not once), *step.staying))
         kills_once = self._mask(name for name, once in between.absences if once)
         if step.to is None:
-            return self._finish(tuple(name for name, _ in between.absences), kills, kills_once)
+            return self._finish(step, kills, kills_once)
         variable = step.to.variable
         step_us = self._windows.step_us if self._windows.step_us is not None else FOREVER_US
         take = Take(
@@ -189,7 +208,7 @@ class Automaton:
             variable=variable,
             joint=between.joint,
             element=self._elements.setdefault(between.element, len(self._elements)),
-            needs=self._mask([variable]) if variable in self._conditions or self._own_us(variable) else 0,
+            needs=self._mask(self._needed(variable, begins=between.begins)),
             bars=self._mask(step.entering),
             kills=kills,
             kills_once=0,
@@ -200,20 +219,34 @@ class Automaton:
     def _own_us(self, variable: str) -> int | None:
         return self._windows.variables.get(variable)
 
-    def _finish(self, absent: tuple[str, ...], kills: int, kills_once: int) -> Choice:
+    def _needed(self, variable: str, *, begins: bool) -> Iterator[str]:
+        if variable in self._conditions or self._own_us(variable):
+            yield variable
+        if begins:
+            yield BEGINS
+
+    def _finish(self, step: Step, kills: int, kills_once: int) -> Choice:
+        absent = [name for name, _ in step.between.absences]
         waits = tuple(self._own_us(name) for name in absent)
-        if None in waits and self._windows.match_us is None:
+        stamped = tuple(self._own_us(name) for name in absent if name != END)
+        if None in stamped and self._windows.match_us is None:
+            name = next(name for name in absent if name != END and self._own_us(name) is None)
             raise InvalidInput(
-                f"The pattern may end in the absence of {absent[waits.index(None)]}, but no window says how"
-                " long that is to last.",
+                f"The pattern may end in the absence of {name}, but no window says how long that is to last.",
                 "Give `within`, or within of that variable.",
             )
-        complete = Finish(len(self.choices), 0, 0, waits, certain=True)
+        complete = Finish(len(self.choices), 0, 0, waits, certain=True, stamped=stamped)
         self.choices.append(complete)
-        if not waits:
-            return complete
-        finish = Finish(len(self.choices), kills, 0, waits, certain=False, complete=complete)
-        return self._with_once(finish, kills_once)
+        number = len(self.choices)
+        if waits:
+            finish = Finish(number, kills, 0, waits, certain=False, complete=complete, stamped=stamped)
+            return self._with_once(finish, kills_once)
+        if step.between.begins:
+            begins_not = self._mask([BEGINS_NOT])
+            first = Finish(number, 0, begins_not, (), certain=False, later=complete, complete=complete)
+            self.choices.append(first)
+            return first
+        return complete
 
     def _with_once(self, later: Choice, kills_once: int) -> Choice:
         """The choice as it is before the first row."""
@@ -225,7 +258,9 @@ class Automaton:
         if isinstance(later, Take):
             first = _replaced(later, number, kills_once)
         else:
-            first = Finish(number, later.kills, kills_once, later.waits, False, later, later.complete)
+            first = Finish(
+                number, later.kills, kills_once, later.waits, False, later, later.complete, later.stamped
+            )
         self.choices.append(first)
         return first
 
@@ -235,6 +270,12 @@ class Automaton:
         if found is None:
             found = self._outlooks[choices] = self._new_outlook(choices)
         return found
+
+    def outlook_of(self, numbers: Iterable[int]) -> Outlook:
+        """The outlook of the choices with these numbers."""
+        outlook, _ = self.outlook(tuple(self.choices[number] for number in numbers))
+        assert outlook is not None  # noqa: S101
+        return outlook
 
     def _new_outlook(self, choices: tuple[Choice, ...]) -> tuple[Outlook | None, tuple[Finish, ...]]:
         ends = tuple(choice for choice in choices if isinstance(choice, Finish) and choice.certain)
@@ -266,13 +307,21 @@ class Automaton:
             if bit & asked and (condition.test is None or own_us is not None):
                 yield Question(bit, name, condition, own_us if own_us is not None else FOREVER_US)
 
+    @property
+    def tests(self) -> tuple[tuple[int, Callable[[Row], bool]], ...]:
+        """The conditions that ask the row alone, with their bits."""
+        return tuple(self._simple((1 << len(self._bits)) - 1))
+
     def move(self, outlook: Outlook, answers: int) -> Move | None:
         """What a row with these answers makes of a run; None: what it was."""
-        live = [choice for choice in outlook.choices if not answers & (choice.kills | choice.kills_once)]
+        choices = self._begin if outlook is self.start else outlook.choices
+        live = [choice for choice in choices if not answers & (choice.kills | choice.kills_once)]
         satisfied = {choice.element for choice in live if isinstance(choice, Take) and choice.takes(answers)}
         move = []
         for choice in live:
-            if isinstance(choice, Finish):
+            if choice in self._empty:
+                move.append(Outcome(None, None, (choice,)))
+            elif isinstance(choice, Finish):
                 move.append(Outcome(None, *self.outlook((choice.later or choice,))))
             elif choice.takes(answers):
                 move.append(Outcome(choice.variable, *self.outlook(self._after[choice.position])))
@@ -295,6 +344,12 @@ class Automaton:
         if not choice.waits:
             return last_us
         return max(first_us + self.match_us if wait is None else last_us + wait for wait in choice.waits)
+
+    def stamp_us(self, finish: Finish, first_us: int, last_us: int) -> int:
+        """The stamp of a match that ends so [us]."""
+        if not finish.stamped:
+            return last_us
+        return max(first_us + self.match_us if wait is None else last_us + wait for wait in finish.stamped)
 
     def expired(self, outlook: Outlook, bound: Bound, first_us: int, now_us: int) -> Outcome:
         """What time alone makes of a run: no more row comes with a stamp before now."""
@@ -320,12 +375,28 @@ class Automaton:
         )
 
 
+def _all_asked(asked: Iterable[frozenset[Asked] | None]) -> tuple[Asked, ...] | None:
+    found: dict[Asked, None] = {}
+    for each in asked:
+        if each is None:
+            return None
+        found |= dict.fromkeys(each)
+    return tuple(found)
+
+
 def _anything(_row: Row) -> bool:
     return True
 
 
-ANYTHING = Condition(_anything, lambda _row, _bound, _before: True)
+ANYTHING = Condition(_anything, lambda _row, _bound: True)
 """The condition of a variable that has none."""
+
+ANCHORS: Mapping[str, Condition] = {
+    BEGINS: Condition(begins_partition, lambda row, _bound: begins_partition(row)),
+    BEGINS_NOT: Condition(
+        lambda row: not begins_partition(row), lambda row, _bound: not begins_partition(row)
+    ),
+}
 
 
 def _replaced(take: Take, number: int, kills_once: int) -> Take:
@@ -344,11 +415,7 @@ def _replaced(take: Take, number: int, kills_once: int) -> Take:
     )
 
 
-def _refuse_unbound(start: tuple[Step, ...]) -> None:
-    if any(step.to is None for step in start):
-        raise InvalidInput(
-            "The pattern can match without binding any row.", "Let at least one variable occur in each match."
-        )
+def _refuse_absent(start: tuple[Step, ...]) -> None:
     for step in start:
         if step.between.absences:
             name = step.between.absences[0][0]

@@ -8,7 +8,7 @@ way what stands between the two: the joint, the absences, the conditions that en
 Three rules that the definition in `pattern` leaves open:
 * The joint between two rows is that of the innermost part that holds both, on its element with the second.
   So the first row that a group binds takes the joint of the group, whichever of its elements binds it.
-* A round beyond the least binds at least one row (as in ECMAScript), so that no walk goes in circles.
+* A round beyond the least that binds no row is the last (as in Perl), so that no walk goes in circles.
 * Ways to the same position over the same things in between are one way, the preferred.
 """
 
@@ -19,11 +19,23 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from semap.errors import InvalidInput
-from semap.rules.pattern import Absent, Alternation, Joint, Node, Permutation, Repeat, Sequence, Variable
+from semap.rules.pattern import (
+    Absent,
+    Alternation,
+    Anchor,
+    Joint,
+    Node,
+    Permutation,
+    Repeat,
+    Sequence,
+    Variable,
+)
 
 POSITIONS_AT_MOST = 300
 VISITS_AT_MOST = 100_000
 DEEPEST = 1 << 30
+END = "$"
+"""The absence of any row."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,6 +66,7 @@ class Between(NamedTuple):
     absences  names of conditions; True: asked of the very next row only
     depth     of the innermost frame that the row before shares
     opened    rounds beyond the least that have begun since the row before
+    begins    whether the next row bound is the first of its partition (`^`)
     """
 
     joint: Joint
@@ -61,6 +74,7 @@ class Between(NamedTuple):
     absences: tuple[tuple[str, bool], ...]
     depth: int
     opened: frozenset[Frame]
+    begins: bool = False
 
 
 class Step(NamedTuple):
@@ -116,7 +130,7 @@ class Following:
                     "Use smaller counts, or A{0,9} in place of (A?){9}.",
                 )
             if isinstance(node, Variable) or (node is None and frame is None):
-                step = _step(node.name if node else None, frame, between)
+                step = _step(node.label if node else None, frame, between)
                 if (known := (step.to, *_constraints(step))) not in found:
                     found.add(known)
                     yield step
@@ -129,6 +143,10 @@ class Following:
             case Absent():
                 absence = (node.name, between.joint == "next")
                 yield None, frame, between._replace(absences=(*between.absences, absence))
+            case Anchor():
+                yield from _anchored(node, frame, between)
+            case Sequence(()):
+                yield None, frame, between
             case Sequence():
                 yield node.elements[0].node, self._frame(node, (0,), frame), between
             case Alternation():
@@ -158,7 +176,9 @@ class Following:
             case Permutation():
                 yield None, parent, between
             case Repeat():
-                if frame not in between.opened:
+                if frame in between.opened:
+                    yield None, parent, between
+                else:
                     yield from self._rounds(around, frame.progress[0], parent, between)
 
     def _choices(
@@ -201,6 +221,20 @@ class Following:
         return self._frames[key]
 
 
+def may_be_empty(pattern: Node) -> bool:
+    """Whether it can match without binding a row."""
+    return any(step.to is None for step in Following(pattern).start())
+
+
+def _anchored(anchor: Anchor, frame: Frame | None, between: Between) -> Iterator[Place]:
+    """Past an anchor, if that can be: before a begin stands no row, before an end at least one."""
+    no_row_yet = between.depth == 0
+    if anchor.at == "begin" and no_row_yet:
+        yield None, frame, between._replace(begins=True)
+    elif anchor.at == "end" and not no_row_yet:
+        yield None, frame, between._replace(absences=(*between.absences, (END, False)))
+
+
 def _joined(between: Between, joint: Joint, into: Frame) -> Between:
     """Past a joint: it counts unless a part further out has set one since the row before."""
     if into.depth > between.depth:
@@ -223,7 +257,7 @@ def _step(name: str | None, frame: Frame | None, between: Between) -> Step:
 
 def _constraints(step: Step) -> tuple[object, ...]:
     between = step.between
-    return between.joint, between.element, between.absences, step.staying, step.entering
+    return between.joint, between.element, between.absences, between.begins, step.staying, step.entering
 
 
 def positions(following: Following) -> dict[Position, tuple[Step, ...]]:

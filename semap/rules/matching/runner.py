@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from semap.rules.bound import Bound
-from semap.rules.matching.attempt import Attempt, Ending, Run, TimedOut, length
-from semap.rules.matching.automaton import FOREVER_US, Automaton, Finish, Move, Outlook
+from semap.rules.bound import NO_VARIABLE, Bound
+from semap.rules.matching.attempt import Attempt, Ending, Run, TimedOut, Underway, length
+from semap.rules.matching.automaton import FOREVER_US, Automaton, Finish, Move, Outcome, Outlook
 from semap.rules.row import Row
 
 
@@ -18,17 +18,17 @@ class Runner:
         self._automaton = automaton
         self._match_us = automaton.match_us
         self._times_out = times_out
-        self._by_bound = keep_all or automaton.reads_bindings
+        self._asked = None if keep_all else automaton.asked if automaton.reads_bindings else ()
         self._by_last = automaton.counts_from_last
 
-    def begin(
-        self, row: Row, before: Row | None, answered: dict[Outlook, int], ends: list[Ending]
-    ) -> Attempt | None:
+    def begin(self, row: Row, answered: dict[Outlook, int], ends: list[Ending]) -> Attempt | None:
         """The attempt that begins with this row; None if no run does.
 
         answered  what the conditions that ask the row alone said of it, by outlook; filled here
         """
-        move = self._move(self._automaton.start, None, row, before, answered)
+        move = self._move(self._automaton.start, None, row, answered)
+        if self._automaton.may_be_empty:
+            return self._begun_or_empty(move, row, ends)
         if not move:
             return None
         if len(move) == 1:
@@ -36,36 +36,43 @@ class Runner:
             if variable is not None and after is not None and not finishes:
                 return self._only(row, after, Bound(variable, row))
         growth = _Growth(row, self._automaton)
-        growth.take(move, None, row)
+        growth.take(move, None, row, None)
         return self._grown(growth, ends) if growth.runs or growth.ended else None
 
-    def move(
-        self, attempt: Attempt, row: Row, before: Row | None, answered: dict[Outlook, int], ends: list[Ending]
-    ) -> Attempt:
+    def _begun_or_empty(self, move: Move | None, row: Row, ends: list[Ending]) -> Attempt | None:
+        """The attempt of a pattern that may bind no row, which is then a run that has ended here."""
+        growth = _Growth(row, self._automaton)
+        nothing = Bound(NO_VARIABLE, row)
+        growth.take((Outcome(None, self._automaton.start),) if move is None else move, None, row, nothing)
+        return self._grown(growth, ends) if growth.runs or growth.ended else None
+
+    def move(self, attempt: Attempt, row: Row, answered: dict[Outlook, int], ends: list[Ending]) -> Attempt:
         """The attempt after a row; the same object if the row changes nothing."""
         if len(attempt.runs) == 1:
             (run,) = attempt.runs
-            move = self._move(run.outlook, run.bound, row, before, answered)
+            move = self._move(run.outlook, run.bound, row, answered)
             if move is None:
                 return attempt
             if len(move) == 1:
                 ((variable, after, finishes),) = move
                 if variable is not None and after is not None and not finishes:
                     return self._only(attempt.first, after, Bound(variable, row, run.bound), attempt.found)
+            moves: list[Move | None] = [move]
+        else:
+            moves = [self._move(run.outlook, run.bound, row, answered) for run in attempt.runs]
+            if not any(move is not None for move in moves):
+                return attempt
         growth = _Growth(attempt.first, self._automaton)
-        changed = False
-        for run in attempt.runs:
-            move = self._move(run.outlook, run.bound, row, before, answered)
+        for run, move in zip(attempt.runs, moves, strict=True):
             if move is None:
                 growth.runs.append(run)
             else:
-                changed = True
-                growth.take(move, run.bound, row)
-        return self._grown(growth, ends, attempt.found) if changed else attempt
+                growth.take(move, run.bound, row, run.bound)
+        return self._grown(growth, ends, attempt.found)
 
     def passes(self, outlook: Outlook, row: Row, answered: dict[Outlook, int]) -> bool:
         """Whether the row changes no run at this outlook, whatever it has bound."""
-        return not outlook.questions and self._move(outlook, None, row, None, answered) is None
+        return not outlook.questions and self._move(outlook, None, row, answered) is None
 
     def expire(self, attempt: Attempt, now_us: int, ends: list[Ending]) -> Attempt:
         """The attempt when no row comes any more with a stamp before now."""
@@ -86,12 +93,10 @@ class Runner:
             return replace(left, timed_out=self._timed_out(attempt.first, over))
         return left
 
-    def stamp_us(self, attempt: Attempt, run: Run) -> int:
+    def stamp_us(self, attempt: Underway, run: Run) -> int:
         """The stamp of the match that a run is which has ended."""
         final, last_us = run.outlook.final, run.bound.row.stamp_us
-        if final is None or not final.waits:
-            return last_us
-        return self._automaton.end_us(final, attempt.first.stamp_us, last_us)
+        return last_us if final is None else self._automaton.stamp_us(final, attempt.first.stamp_us, last_us)
 
     def resume(self, first: Row, runs: Iterable[tuple[Outlook, Bound]], *, found: bool) -> Attempt:
         """The attempt with these runs."""
@@ -105,7 +110,6 @@ class Runner:
         outlook: Outlook,
         bound: Bound | None,
         row: Row,
-        before: Row | None,
         answered: dict[Outlook, int],
     ) -> Move | None:
         answers = answered.get(outlook)
@@ -121,7 +125,7 @@ class Runner:
             if condition.test is not None:
                 holds = condition.test(row)
             else:
-                holds = condition.test_bound(row, Bound(variable, row, bound), before)
+                holds = condition.test_bound(row, Bound(variable, row, bound))
             if holds:
                 answers |= bit
         moves = outlook.moves
@@ -150,7 +154,7 @@ class Runner:
             outlook, bound = run.outlook, run.bound
             key: tuple[object, ...] = (
                 outlook,
-                id(bound) if self._by_bound else None,
+                id(bound) if self._asked is None else tuple([asked.rows(bound) for asked in self._asked]),
                 bound.row.stamp_us if self._by_last else None,
                 length(bound) if self._times_out else None,
             )
@@ -185,18 +189,18 @@ class _Growth:
         self._automaton = automaton
         self._chains: dict[tuple[int, str], Bound] = {}
 
-    def take(self, move: Move, held: Bound | None, row: Row) -> None:
-        """What a row makes of the run that holds these rows."""
+    def take(self, move: Move, held: Bound | None, row: Row, passed: Bound | None) -> None:
+        """What a row makes of the run that holds these rows; `passed`: what it holds without it."""
         for variable, after, ends in move:
             if variable is not None:
                 self.add(after, self._bound(variable, row, held), ends)
-            elif held is not None:
-                self.add(after, held, ends)
+            elif passed is not None:
+                self.add(after, passed, ends)
 
     def add(self, outlook: Outlook | None, bound: Bound, ends: tuple[Finish, ...]) -> None:
         first_us, last_us = self.first.stamp_us, bound.row.stamp_us
         for finish in ends:
-            stamp_us = self._automaton.end_us(finish, first_us, last_us)
+            stamp_us = self._automaton.stamp_us(finish, first_us, last_us)
             self.ended.setdefault((id(bound), stamp_us), Ending(stamp_us, self.first, bound))
         if outlook is not None:
             self.runs.append(Run(outlook, bound, self._automaton.deadline_us(outlook, first_us, last_us)))

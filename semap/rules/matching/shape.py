@@ -145,16 +145,6 @@ class Brief:
             found.append(Attempt(first, runs, deadline_us))
         return tuple(found)
 
-    @property
-    def over_us(self) -> int:
-        """When the windows of all attempts have ended."""
-        return self.firsts[-1].stamp_us + self.shape.match_us
-
-    @property
-    def before(self) -> Row | None:
-        """No condition reads it."""
-        return None
-
 
 class Shapes:
     """All that is remembered for one program, of which every match skips past its last row or nothing."""
@@ -176,14 +166,34 @@ class Shapes:
             return None
         if any(map(is_over, attempts)) or len(set(map(id, bounds))) < len(bounds):
             return None  # runs that share their rows here need not do so elsewhere
-        outlooks = tuple(tuple(run.outlook for run in attempt.runs) for attempt in attempts)
-        shape = self._shapes.get(outlooks)
+        shape = self._known(tuple(tuple(run.outlook for run in attempt.runs) for attempt in attempts))
         if shape is None:
-            if len(self._shapes) >= SHAPES_AT_MOST:
-                return None
-            shape = self._shape(outlooks)
+            return None
         firsts = tuple(attempt.first for attempt in attempts)
         return Brief(shape, firsts, bounds, firsts[0].stamp_us + self._match_us)
+
+    def left(self, brief: Brief, now_us: int) -> Brief | None:
+        """The state without attempts whose windows have ended; None where that may find something."""
+        if not brief.shape.is_silent:
+            return None
+        firsts, outlooks = brief.firsts, brief.shape.outlooks
+        over = runs = 0
+        while over < len(firsts) and now_us - firsts[over].stamp_us >= self._match_us:
+            runs += len(outlooks[over])
+            over += 1
+        if over == len(firsts):
+            return self.none
+        shape = self._known(outlooks[over:])
+        if shape is None:
+            return None
+        return Brief(shape, firsts[over:], brief.bounds[runs:], firsts[over].stamp_us + self._match_us)
+
+    def _known(self, outlooks: tuple[tuple[Outlook, ...], ...]) -> Shape | None:
+        """The shape of these; None where there are too many."""
+        shape = self._shapes.get(outlooks)
+        if shape is None and len(self._shapes) < SHAPES_AT_MOST:
+            shape = self._shape(outlooks)
+        return shape
 
     def _shape(self, outlooks: tuple[tuple[Outlook, ...], ...]) -> Shape:
         tests = dict(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
-from semap.rules.formula import Always, Eventually, Formula, Until
+from semap.rules.formula import Formula, Future, Past
 from semap.rules.temporal.metric import Signals, parts_of, verdict
 from semap.rules.temporal.progression import interest_us
 
@@ -27,7 +28,8 @@ def forecast(formula: Formula, at_us: int, signals: Signals, known_us: int) -> F
         return None
     # What is certain stays so, hence the first such moment is found by halving; most often it ends a window
     # that began where the formula was asked, where it is undecided first, or just now.
-    begins = {at_us, int(min(interest_us(formula, at_us), known_us)), known_us - 1}
+    interest = min(interest_us(formula, at_us), known_us)
+    begins = {at_us, known_us - 1} | ({int(interest)} if interest > -inf else set())
     likely = sorted(
         {known_us, *(begin + bound + more for begin in begins for bound in bounds for more in (0, 1))}
     )
@@ -44,6 +46,6 @@ def forecast(formula: Formula, at_us: int, signals: Signals, known_us: int) -> F
 def _bounds(formula: Formula) -> list[int]:
     """The bounds of all windows [us]; of one without end, its start."""
     found = [bound for part in parts_of(formula) for bound in _bounds(part)]
-    if isinstance(formula, Eventually | Always | Until):
+    if isinstance(formula, Future | Past):
         found += [formula.from_us] if formula.to_us is None else [formula.from_us, formula.to_us]
     return found

@@ -5,7 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.formula import (
+    Always,
+    And,
+    Atom,
+    Constant,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Previous,
+    Since,
+    Until,
+)
+
+OF_ONE: dict[str, type[Eventually | Always | Once | Historically | Previous]] = {
+    "eventually": Eventually,
+    "always": Always,
+    "once": Once,
+    "historically": Historically,
+    "previous": Previous,
+}
+OF_TWO: dict[str, type[Until | Since]] = {"until": Until, "since": Since}
 
 
 def dump_formula(formula: Formula) -> list[object]:
@@ -21,12 +44,9 @@ def dump_formula(formula: Formula) -> list[object]:
             return ["and", *map(dump_formula, parts)]
         case Or(parts):
             return ["or", *map(dump_formula, parts)]
-        case Eventually(inner, least, most):
-            return ["eventually", least, most, dump_formula(inner)]
-        case Always(inner, least, most):
-            return ["always", least, most, dump_formula(inner)]
-        case Until(left, right, least, most):
-            return ["until", least, most, dump_formula(left), dump_formula(right)]
+        case Until(left, right, least, most) | Since(left, right, least, most):
+            return [type(formula).__name__.lower(), least, most, dump_formula(left), dump_formula(right)]
+    return [type(formula).__name__.lower(), formula.from_us, formula.to_us, dump_formula(formula.inner)]
 
 
 def load_formula(document: object) -> Formula:
@@ -45,8 +65,6 @@ def load_formula(document: object) -> Formula:
             return Or(tuple(map(load_formula, parts)))
     least, most = cast(int, parts[0]), cast("int | None", parts[1])
     inner = [load_formula(part) for part in parts[2:]]
-    if operator == "eventually":
-        return Eventually(inner[0], least, most)
-    if operator == "always":
-        return Always(inner[0], least, most)
-    return Until(inner[0], inner[1], least, most)
+    if operator in ("until", "since"):
+        return OF_TWO[operator](inner[0], inner[1], least, most)
+    return OF_ONE[cast(str, operator)](inner[0], least, most)

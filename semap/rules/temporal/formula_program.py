@@ -10,28 +10,42 @@ With `when`, an evaluation begins at each row of which its condition is true; if
 this name, only at those that begin an interval of it. Without, one begins at the first row of the key, and
 the next at the row that comes after its verdict. What is asked is the formula at the moment of that row.
 
+An atom may ask of the row at which the formula is asked: `track_id <> S.track_id`. It is then true for an
+evaluation while an interval lasts whose first row satisfies that; so one formula says somebody else, or
+nobody else, of each row anew. What lasts is kept with the rows that began it, instead of as signals.
+
+Where the formula looks back, what it asks of was false before the first row of the key.
+
 Bounds of memory: what holds now; each evaluation until its verdict, at most MOST_EVALUATIONS in a key (the
 oldest one goes first, without a verdict, and is noted); the signals from the first moment that matters to
-one of them (see semap.rules.temporal.progression).
+one of them (see semap.rules.temporal.progression), or to one that begins now. A key that nothing holds in is
+forgotten once it is too long ago for the formula to look back to; never, if that has no bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf
+from math import inf, isinf
 
 from semap.model.given_up import MOST_UNDER_WAY
-from semap.rules.bound import Condition
+from semap.rules.bound import Bound, Condition
 from semap.rules.finish import Finish, finished
 from semap.rules.formula import Formula
-from semap.rules.interval.holding import Subject, begun, satisfies, subject_of
+from semap.rules.interval.holding import Subject, begins, begun, satisfies, subject_of
 from semap.rules.program import Match
 from semap.rules.row import Row
 from semap.rules.temporal.forecast import Forecast, forecast
-from semap.rules.temporal.formula_state import Change, Evaluation, FormulaState, dump_state, load_state
-from semap.rules.temporal.metric import Signals, atom_names, known_until
+from semap.rules.temporal.formula_state import (
+    Change,
+    Evaluation,
+    FormulaState,
+    Lasting,
+    dump_state,
+    load_state,
+)
+from semap.rules.temporal.metric import ROWS, Signals, atom_names, back_us, has_previous, known_until
 from semap.rules.temporal.progression import interest_us, progressed
 from semap.rules.temporal.spans import clipped, union
 from semap.rules.temporal.tautology import without_tautologies
@@ -64,8 +78,27 @@ class FormulaProgram:
         return without_tautologies(self.formula)
 
     @cached_property
+    def _counts_rows(self) -> bool:
+        return has_previous(self._asked)
+
+    @cached_property
+    def _back_us(self) -> float:
+        return back_us(self._asked)
+
+    @cached_property
+    def _looks_back(self) -> bool:
+        return self._counts_rows or self._back_us > 0
+
+    @cached_property
+    def _relative(self) -> Mapping[str, Condition]:
+        """The atoms that ask of the row at which the formula is asked."""
+        found = {name: self.conditions.get(name) for name in atom_names(self.formula)}
+        return {name: each for name, each in found.items() if each is not None and each.test is None}
+
+    @cached_property
     def _atoms(self) -> Mapping[str, Condition | None]:
-        return {name: self.conditions.get(name) for name in atom_names(self.formula)}
+        names = (name for name in atom_names(self.formula) if name not in self._relative)
+        return {name: self.conditions.get(name) for name in names}
 
     def step(self, state: FormulaState | None, row: Row) -> tuple[FormulaState | None, tuple[Match, ...]]:
         """Take the next row of the key."""
@@ -75,9 +108,12 @@ class FormulaProgram:
             before = FormulaState(row.stamp_us, True)
         names = begun(row, self._atoms)
         holding = _held(before.holding, subject_of(row), names)
+        lasting = _lasting(before.lasting, row) if self._relative else ()
         changed = _changed(before.holding, holding)
+        if lasting != before.lasting:
+            changed = {**dict.fromkeys(self._relative, True), **changed}
         starts = self._starts(row, names, before)
-        if holding == before.holding and not starts:
+        if not changed and holding == before.holding and not starts and not self._counts_rows:
             return given
         evaluations = before.evaluations
         if starts:
@@ -85,6 +121,11 @@ class FormulaProgram:
             self.given_up.extend(each.row for each in evaluations[: len(evaluations) - len(kept)])
             evaluations = (*kept, Evaluation(row, self._asked))
         change = before.change if row.stamp_us == before.moment_us else None
+        plain = {name: true for name, true in changed.items() if name in self._atoms}
+        signals = _signals(before.signals, plain, row.stamp_us)
+        if self._counts_rows:
+            changed = changed or {ROWS: True}
+            signals = {**signals, ROWS: union([*signals.get(ROWS, ()), (row.stamp_us, row.stamp_us + 1)])}
         if changed and before.evaluations:
             change = next(iter(changed)), row
         state = FormulaState(
@@ -92,10 +133,11 @@ class FormulaProgram:
             settled=not evaluations or (before.settled and not starts and not changed),
             change=change,
             holding=holding,
-            signals=_signals(before.signals, changed, row.stamp_us),
+            signals=signals,
             evaluations=evaluations,
+            lasting=lasting,
         )
-        return _remembered(state), matches
+        return self._remembered(state), matches
 
     def advance(
         self, state: FormulaState | None, watermark_us: int
@@ -113,7 +155,7 @@ class FormulaProgram:
             if each.forecast is not None and each.forecast.certain_us <= watermark_us
         ]
         if not due:
-            return state, ()
+            return self._still_asked(state, watermark_us), ()
         due.sort(key=lambda pair: (pair[0].certain_us, pair[1].row.order))
         matches = tuple(
             match
@@ -123,7 +165,7 @@ class FormulaProgram:
         )
         gone = {each.row.order for _, each in due}
         left = tuple(each for each in state.evaluations if each.row.order not in gone)
-        return _remembered(replace(state, evaluations=left)), matches
+        return self._remembered(replace(state, evaluations=left)), matches
 
     def deadline_us(self, state: FormulaState | None) -> int | None:
         """The moment whose rows are not all known yet; else when the first verdict is certain."""
@@ -131,10 +173,10 @@ class FormulaProgram:
             return None
         if not state.settled:
             return state.moment_us
-        return min(
-            (each.forecast.certain_us for each in state.evaluations if each.forecast is not None),
-            default=None,
-        )
+        due_us = [each.forecast.certain_us for each in state.evaluations if each.forecast is not None]
+        if not state.evaluations and not state.holding and all(end < inf for _, (_, end) in state.lasting):
+            due_us = [us for us in (self._forgotten_us(state),) if us is not None]
+        return min(due_us, default=None)
 
     def dump(self, state: FormulaState) -> object:
         """The state as JSON."""
@@ -154,20 +196,56 @@ class FormulaProgram:
 
     def _settled(self, state: FormulaState) -> FormulaState:
         """The state once all rows of its moment are known: progressed to it, with forecasts."""
-        signals = {name: state.signals.get(name, ()) for name in self._atoms}
+        names = (*self._atoms, ROWS) if self._counts_rows else self._atoms
+        signals = {name: state.signals.get(name, ()) for name in names}
         known_us = state.moment_us + 1
-        atoms = known_until(signals, known_us)
         evaluations = []
         for each in state.evaluations:
             at_us, rest = each.row.stamp_us, each.rest
             # Without a change the forecasts still stand.
             if state.change is not None or at_us == state.moment_us:
-                rest = progressed(rest, at_us, atoms)
-                evaluations.append(Evaluation(each.row, rest, forecast(rest, at_us, signals, known_us)))
+                own = {**signals, **self._of_row(each.row, state.lasting)} if self._relative else signals
+                rest = progressed(rest, at_us, known_until(own, known_us))
+                evaluations.append(Evaluation(each.row, rest, forecast(rest, at_us, own, known_us)))
             else:
                 evaluations.append(each)
         settled = replace(state, settled=True, change=None, evaluations=tuple(evaluations))
-        return _remembered(settled) or settled
+        return self._remembered(settled) or settled
+
+    def _remembered(self, state: FormulaState) -> FormulaState | None:
+        """The state without what no evaluation, begun or to come, can ask for; None where nothing is left."""
+        holds_any = state.holding or any(end == inf for _, (_, end) in state.lasting)
+        if not state.evaluations and not holds_any and not self._looks_back:
+            return None
+        rows = state.signals.get(ROWS, ())
+        asked = [interest_us(each.rest, each.row.stamp_us, rows) for each in state.evaluations]
+        since_us = min([*asked, state.moment_us])
+        if self._looks_back:
+            since_us = min(since_us, interest_us(self._asked, state.moment_us, rows))
+        kept = {name: clipped(spans, since_us, inf) for name, spans in state.signals.items()}
+        lasting = tuple(each for each in state.lasting if each[1][1] > since_us)
+        return replace(state, signals={name: spans for name, spans in kept.items() if spans}, lasting=lasting)
+
+    def _of_row(self, asked: Row, lasting: Sequence[Lasting]) -> Signals:
+        """The signals of the atoms that ask of the row at which the formula is asked."""
+        first = Bound(self.when or "", asked)
+        return {
+            name: union(span for row, span in lasting if condition.test_bound(row, Bound(name, row, first)))
+            for name, condition in self._relative.items()
+        }
+
+    def _still_asked(self, state: FormulaState, watermark_us: int) -> FormulaState | None:
+        """None where nothing is under way, and too much time has passed to look back."""
+        if state.evaluations or state.holding or any(end == inf for _, (_, end) in state.lasting):
+            return state
+        forgotten_us = self._forgotten_us(state)
+        return None if forgotten_us is not None and forgotten_us <= watermark_us else state
+
+    def _forgotten_us(self, state: FormulaState) -> int | None:
+        """When what was true is too long ago to be asked for; None: never."""
+        if isinf(self._back_us):
+            return None
+        return state.moment_us + int(self._back_us)
 
     def _matches(self, found: Forecast, evaluation: Evaluation, change: Change | None) -> tuple[Match, ...]:
         """The match of a verdict; `change` is the latest one of the moment that has just been settled."""
@@ -192,6 +270,19 @@ def _held(
     return {**others, subject: names} if names else others
 
 
+def _lasting(lasting: tuple[Lasting, ...], row: Row) -> tuple[Lasting, ...]:
+    """What lasts after a row: what its subject did ends, and what it does begins."""
+    subject = subject_of(row)
+    if subject is None:
+        return lasting
+    left = [
+        (each, (start, row.stamp_us if end == inf and subject_of(each) == subject else end))
+        for each, (start, end) in lasting
+    ]
+    kept = [each for each in left if each[1][0] < each[1][1]]
+    return (*kept, (row, (row.stamp_us, inf))) if begins(row) else tuple(kept)
+
+
 def _changed(
     before: Mapping[Subject, tuple[str, ...]], after: Mapping[Subject, tuple[str, ...]]
 ) -> Mapping[str, bool]:
@@ -212,13 +303,3 @@ def _signals(signals: Signals, changed: Mapping[str, bool], stamp_us: int) -> Si
         for name, true in changed.items()
     }
     return {**signals, **changes} if changes else signals
-
-
-def _remembered(state: FormulaState) -> FormulaState | None:
-    """The state without what no evaluation, begun or to come, can ask for; None where nothing is left."""
-    if not state.evaluations and not state.holding:
-        return None
-    since_us = min((interest_us(each.rest, each.row.stamp_us) for each in state.evaluations), default=inf)
-    since_us = min(since_us, state.moment_us)
-    kept = {name: clipped(spans, since_us, inf) for name, spans in state.signals.items()}
-    return replace(state, signals={name: spans for name, spans in kept.items() if spans})

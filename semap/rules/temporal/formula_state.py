@@ -14,6 +14,10 @@ from semap.rules.row_json import dump_row, load_row
 from semap.rules.temporal.forecast import Forecast
 from semap.rules.temporal.formula_json import dump_formula, load_formula
 from semap.rules.temporal.metric import Signals
+from semap.rules.temporal.spans import Span
+
+Lasting: TypeAlias = tuple[Row, Span]
+"""A row, and from when to when what it began lasts; until inf while it does."""
 
 Change: TypeAlias = tuple[str, Row]
 """An atom, and the row that made it true or false."""
@@ -42,6 +46,7 @@ class FormulaState:
     holding      the atoms that hold by each subject
     signals      when each atom was true, as far as an evaluation may still ask
     evaluations  in the order of their rows
+    lasting      where atoms ask of the row that began an evaluation: what began with which row, and its span
     """
 
     moment_us: int
@@ -50,6 +55,7 @@ class FormulaState:
     holding: Mapping[Subject, tuple[str, ...]] = field(default_factory=dict)
     signals: Signals = field(default_factory=dict)
     evaluations: tuple[Evaluation, ...] = ()
+    lasting: tuple[Lasting, ...] = ()
 
 
 def dump_state(state: FormulaState) -> dict[str, object]:
@@ -70,6 +76,9 @@ def dump_state(state: FormulaState) -> dict[str, object]:
                 None if each.forecast is None else [each.forecast.verdict, each.forecast.certain_us],
             ]
             for each in state.evaluations
+        ],
+        "lasting": [
+            [dump_row(row), start, None if end == inf else end] for row, (start, end) in state.lasting
         ],
     }
 
@@ -101,5 +110,9 @@ def load_state(document: object) -> FormulaState:
             for row, rest, forecast in cast(
                 Sequence[tuple[object, object, Sequence[object] | None]], found["evaluations"]
             )
+        ),
+        lasting=tuple(
+            (load_row(row), (start, inf if end is None else end))
+            for row, start, end in cast(Sequence[tuple[object, float, float | None]], found["lasting"])
         ),
     )

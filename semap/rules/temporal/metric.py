@@ -19,16 +19,35 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from math import inf
+from types import UnionType
 from typing import TypeAlias
 
-from semap.rules.formula import Always, And, Atom, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.formula import (
+    Always,
+    And,
+    Atom,
+    Constant,
+    Eventually,
+    Formula,
+    Future,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Past,
+    Previous,
+    Since,
+    Until,
+)
 from semap.rules.temporal.spans import (
     EVERYWHERE,
     NOWHERE,
     Spans,
+    after,
     before,
     clipped,
     complement,
+    first_outside,
     holds,
     intersection,
     union,
@@ -36,6 +55,9 @@ from semap.rules.temporal.spans import (
 
 Signals: TypeAlias = Mapping[str, Spans]
 """When each atom is true; one that is true now is so until inf."""
+
+ROWS = ""
+"""Stands among atoms for the moments at which rows came, where a formula asks for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +119,24 @@ def truth_of(formula: Formula, atoms: Mapping[str, Truth]) -> Truth:
                 _until(one.certain, other.certain, least, _end(most)),
                 _until(one.possible, other.possible, least, _end(most)),
             )
+        case Once(inner, least, most):
+            truth = truth_of(inner, atoms)
+            return Truth(after(truth.certain, least, _end(most)), after(truth.possible, least, _end(most)))
+        case Historically(inner, least, most):
+            truth = truth_of(inner, atoms)
+            certain, possible = (
+                complement(after(complement(spans), least, _end(most)))
+                for spans in (truth.certain, truth.possible)
+            )
+            return Truth(certain, possible)
+        case Since(left, right, least, most):
+            one, other = truth_of(left, atoms), truth_of(right, atoms)
+            return Truth(
+                _since(one.certain, other.certain, least, _end(most)),
+                _since(one.possible, other.possible, least, _end(most)),
+            )
+        case Previous(inner, least, most):
+            return _previous(truth_of(inner, atoms), atoms[ROWS], least, _end(most))
 
 
 def verdict(formula: Formula, at_us: int, signals: Signals, known_us: int) -> bool | None:
@@ -109,11 +149,18 @@ def parts_of(formula: Formula) -> tuple[Formula, ...]:
     match formula:
         case Not(inner) | Eventually(inner) | Always(inner):
             return (inner,)
+        case Once(inner) | Historically(inner) | Previous(inner):
+            return (inner,)
         case And(parts) | Or(parts):
             return parts
-        case Until(left, right):
+        case Until(left, right) | Since(left, right):
             return left, right
     return ()
+
+
+def has_previous(formula: Formula) -> bool:
+    """Whether it asks at which moments rows came."""
+    return isinstance(formula, Previous) or any(map(has_previous, parts_of(formula)))
 
 
 def atom_names(formula: Formula) -> tuple[str, ...]:
@@ -121,6 +168,23 @@ def atom_names(formula: Formula) -> tuple[str, ...]:
     if isinstance(formula, Atom):
         return (formula.name,)
     return tuple(dict.fromkeys(name for part in parts_of(formula) for name in atom_names(part)))
+
+
+def horizon_us(formula: Formula) -> float:
+    """So far ahead does a formula look [us]."""
+    return _reach_us(formula, Future)
+
+
+def back_us(formula: Formula) -> float:
+    """So far back does a formula look, from any moment that it asks for [us]."""
+    return _reach_us(formula, Past)
+
+
+def _reach_us(formula: Formula, kind: UnionType) -> float:
+    own_us: float = 0
+    if isinstance(formula, Future | Past) and isinstance(formula, kind):
+        own_us = inf if formula.to_us is None else formula.to_us
+    return own_us + max((_reach_us(part, kind) for part in parts_of(formula)), default=0)
 
 
 def _end(to_us: int | None) -> float:
@@ -139,3 +203,27 @@ def _until(left: Spans, right: Spans, least: float, most: float) -> Spans:
         reached = before(clipped(right, start, end + 1), least, most)
         found.extend(clipped(reached, start, end))
     return union(found)
+
+
+def _since(left: Spans, right: Spans, least: float, most: float) -> Spans:
+    """The moments with one of `right` in the past window and all after that one in `left`."""
+    found = list(right) if least == 0 else []
+    for start, end in left:
+        reached = after(clipped(right, start - 1, end), least, most)
+        found.extend(clipped(reached, start, end))
+    return union(found)
+
+
+def _previous(inner: Truth, rows: Truth, least: float, most: float) -> Truth:
+    """The moments so long after the last row before them, at which it was true."""
+    known_us = next((first_outside(rows.certain, start) for start, end in rows.possible if end == inf), inf)
+    came = [moment for start, end in rows.certain for moment in range(int(start), int(end))]
+
+    def held(spans: Spans) -> Spans:
+        return union(
+            (moment + max(least, 1), min(moment + most, until) + 1)
+            for moment, until in zip(came, [*came[1:], known_us], strict=True)
+            if holds(spans, moment)
+        )
+
+    return Truth(held(inner.certain), union([*held(inner.possible), (known_us + 1, inf)]))

@@ -12,12 +12,26 @@ each change since the first moment that it cannot decide.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from math import inf
 
-from semap.rules.formula import Always, And, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.formula import (
+    Always,
+    And,
+    Constant,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Previous,
+    Since,
+    Until,
+)
 from semap.rules.temporal.metric import Truth, truth_of
-from semap.rules.temporal.spans import first_from, first_outside
+from semap.rules.temporal.spans import Spans, first_from, first_outside
 
 
 def progressed(formula: Formula, at_us: int, atoms: Mapping[str, Truth]) -> Formula:
@@ -54,20 +68,37 @@ def progressed(formula: Formula, at_us: int, atoms: Mapping[str, Truth]) -> Form
     return formula
 
 
-def interest_us(formula: Formula, at_us: float) -> float:
-    """The first moment whose atoms matter to the formula at a moment; inf if none does."""
+def interest_us(formula: Formula, at_us: float, rows: Spans = ()) -> float:
+    """The first moment whose atoms matter to the formula at a moment; inf if none does.
+
+    rows  the moments at which rows came
+    """
     match formula:
         case Constant():
             return inf
         case Not(inner):
-            return interest_us(inner, at_us)
+            return interest_us(inner, at_us, rows)
         case And(parts) | Or(parts):
-            return min((interest_us(part, at_us) for part in parts), default=inf)
+            return min((interest_us(part, at_us, rows) for part in parts), default=inf)
         case Eventually(inner, least, _) | Always(inner, least, _):
-            return interest_us(inner, at_us + least)
+            return interest_us(inner, at_us + least, rows)
         case Until(left, right, least, _):
-            return min(interest_us(left, at_us), interest_us(right, at_us + least))
+            return min(interest_us(left, at_us, rows), interest_us(right, at_us + least, rows))
+        case Once(inner, _, most) | Historically(inner, _, most):
+            return interest_us(inner, at_us - (inf if most is None else most), rows)
+        case Since(left, right, _, most):
+            since_us = at_us - (inf if most is None else most)
+            return min(interest_us(left, since_us, rows), interest_us(right, since_us, rows))
+        case Previous(inner):
+            before_us = _row_before_us(at_us, rows)
+            return min(before_us, interest_us(inner, before_us, rows))
     return at_us
+
+
+def _row_before_us(at_us: float, rows: Spans) -> float:
+    """The last moment before one at which a row came; itself where none did."""
+    place = bisect_left(rows, (at_us, -inf))
+    return rows[place - 1][0] if place else at_us
 
 
 def _rest(

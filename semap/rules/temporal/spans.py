@@ -53,6 +53,11 @@ def before(spans: Spans, least: float, most: float) -> Spans:
     return union((start - most, end - least) for start, end in spans)
 
 
+def after(spans: Spans, least: float, most: float) -> Spans:
+    """The moments that lie at least so long and at most so long after one of these."""
+    return union((start + least, end + most) for start, end in spans)
+
+
 def holds(spans: Spans, moment: float) -> bool:
     """Whether it is one of the moments."""
     place = bisect_right(spans, (moment, inf))

@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
-from semap.rules.formula import Always, And, Constant, Eventually, Formula, Not, Or, Until
+from semap.rules.formula import (
+    Always,
+    And,
+    Constant,
+    Eventually,
+    Formula,
+    Future,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Past,
+    Previous,
+    Since,
+    Until,
+)
 from semap.rules.temporal.metric import atom_names, parts_of, verdict
 from semap.rules.temporal.spans import EVERYWHERE, NOWHERE
 
@@ -30,16 +46,12 @@ def without_tautologies(formula: Formula) -> Formula:
             return And(tuple(without_tautologies(part) for part in parts))
         case Or(parts):
             return Or(tuple(without_tautologies(part) for part in parts))
-        case Eventually(inner, least, most):
-            return Eventually(without_tautologies(inner), least, most)
-        case Always(inner, least, most):
-            return Always(without_tautologies(inner), least, most)
-        case Until(left, right, least, most):
-            return Until(without_tautologies(left), without_tautologies(right), least, most)
+        case Until(left, right) | Since(left, right):
+            return replace(formula, left=without_tautologies(left), right=without_tautologies(right))
+        case Always(inner) | Eventually(inner) | Once(inner) | Historically(inner) | Previous(inner):
+            return replace(formula, inner=without_tautologies(inner))
     return formula
 
 
 def _is_propositional(formula: Formula) -> bool:
-    return not isinstance(formula, Eventually | Always | Until) and all(
-        map(_is_propositional, parts_of(formula))
-    )
+    return not isinstance(formula, Future | Past) and all(map(_is_propositional, parts_of(formula)))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from semap.cql2 import Array, Call, Expression, Instant, Interval, Literal, Property, Shape
-from semap.rules.condition import OF_BOUND
+from semap.rules.naming import OF_BOUND, Label
 
-INFIX = frozenset({"=", "<>", "<", "<=", ">", ">=", "+", "-", "*", "/", "%", "div", "^", "like"})
+INFIX = frozenset({"=", "<>", "<", "<=", ">", ">=", "+", "-", "*", "/", "%", "div", "^", "like", "||"})
 LOGIC = ("and", "or", "not")
 
 Writer = Callable[[Expression], str]
@@ -35,8 +35,12 @@ def write(expression: Expression) -> str:
 def write_call(call: Call, written: Writer) -> str:
     """A call, with its parts written as `written` does."""
     match call:
-        case Call(op=op, args=(Literal(value=variable), Property(name=name))) if op in OF_BOUND:
-            return f"{op}({variable}.{name})"
+        case Call(op=op, args=(Literal(value=Label() as label), *offset, asked)) if op in OF_BOUND:
+            return _of_label(op, label, offset, asked)
+        case Call(op="prev" | "next" as op, args=(Literal(value=offset), asked)):
+            return f"{op}({written(asked)}{_offset(offset, 1)})"
+        case Call(op="classifier_near", args=(Literal(value=offset),)):
+            return f"prev(classifier(){_offset(offset, 1)})"
         case Call(op="and" | "or" as op, args=args):
             return f" {op} ".join(map(written, args))
         case Call(op="not", args=(inner,)):
@@ -50,6 +54,33 @@ def write_call(call: Call, written: Writer) -> str:
         case Call(op=op, args=(left, right)) if op in INFIX:
             return f"{written(left)} {op} {written(right)}"
     return f"{call.op}({', '.join(map(written, call.args))})"
+
+
+def _of_label(op: str, label: Label, offset: Sequence[Expression], asked: Expression) -> str:
+    """What is asked of the rows of a variable, as a person would write it."""
+    after = "".join(_offset(each.value, 0) for each in offset if isinstance(each, Literal))
+    match asked:
+        case Call(op="prev" | "next" as shift, args=(Literal(value=far), inner)):
+            return f"{shift}({op}({_qualified(inner, label)}{after}){_offset(far, 1)})"
+        case Call(op="classifier_near", args=(Literal(value=far),)):
+            return f"prev({op}(classifier({label}){after}){_offset(far, 1)})"
+    return f"{op}({_qualified(asked, label)}{after})"
+
+
+def _qualified(asked: Expression, label: Label) -> str:
+    """The expression with each property as one of the variable's rows."""
+    match asked:
+        case Property(name=name):
+            return f"{label}.{name}" if label else name
+        case Call(op="classifier"):
+            return f"classifier({label})"
+        case Call():
+            return write_call(asked, lambda part: _qualified(part, label))
+    return write(asked)
+
+
+def _offset(offset: object, usual: int) -> str:
+    return "" if offset == usual else f", {offset}"
 
 
 def write_value(value: object) -> str:
