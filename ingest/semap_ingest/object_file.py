@@ -13,13 +13,17 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from sqlalchemy import Connection, text
 
 from semap.errors import NotFound
+from semap.model.object_state import NewObjectState
 from semap.store.database.connection import open_engine, translated
 from semap.store.database.name import require_plain_name
-from semap.store.map.maps import map_id_of
-from semap.store.motion.object_states import NewObjectState, add_object_states, end_source, hold_back_source
+from semap.store.motion.object_states import (
+    add_object_states,
+    end_source,
+    hold_back_source,
+    names_of_no_instance,
+)
 from semap.timeline.stamp import MICROSECOND, to_datetime
 from semap_ingest.left_out import NOTHING, TOLD, LeftOut
 from semap_ingest.stamp_column import read_stamps
@@ -34,11 +38,6 @@ USUAL_NAMES: Mapping[str, Sequence[str]] = {
     "attributes": ("attributes",),
 }
 
-LACKING = text("""
-    select n.name from unnest(cast(:names as text[])) n (name)
-    where not exists (select from semap.instance i where i.map_id = :map_id and i.name = n.name)
-    order by 1
-""")
 LONGEST_VALUE = 1000
 
 Advance = Callable[[int, int], None]
@@ -151,7 +150,10 @@ def ingest_object_states(
     states, added = read.states, 0
     try:
         with translated(), engine.begin() as connection:
-            _require_instances(connection, plan.map_name, read)
+            first = _first_places(read)
+            lacking = names_of_no_instance(connection, plan.map_name, list(first))
+            if lacking:
+                raise _no_instances(plan.map_name, {name: first[name] for name in lacking})
             if plan.keep_open:
                 hold_back_source(connection, plan.map_name, plan.source)
         for begin in range(0, len(states), plan.batch_size):
@@ -171,22 +173,20 @@ def ingest_object_states(
     return added
 
 
-def _require_instances(connection: Connection, map_name: str, read: ObjectStates) -> None:
-    """raises NotFound where the map lacks any of the instances, with the rows that name it first"""
-    map_id = map_id_of(connection, map_name)
-    first = {
+def _first_places(read: ObjectStates) -> Mapping[str, str]:
+    """Where each instance is named first."""
+    return {
         each.instance: place for each, place in zip(reversed(read.states), reversed(read.places), strict=True)
     }
-    lacking = connection.scalars(LACKING, {"map_id": map_id, "names": list(first)}).all()
-    if lacking:
-        told = [
-            f"{first[name]}: There is no instance {name} on the map {map_name}." for name in lacking[:TOLD]
-        ]
-        more = [f"and {len(lacking) - TOLD} more"] if len(lacking) > TOLD else []
-        raise NotFound.said(
-            "\n  ".join([*told, *more]),
-            "List its instances: semap map export; or name another column: --instance-column.",
-        )
+
+
+def _no_instances(map_name: str, first: Mapping[str, str]) -> NotFound:
+    told = [f"{place}: There is no instance {name} on the map {map_name}." for name, place in first.items()]
+    more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
+    return NotFound.said(
+        "\n  ".join([*told[:TOLD], *more]),
+        "List its instances: semap map export; or name another column: --instance-column.",
+    )
 
 
 def _watermark(states: Sequence[NewObjectState], done: int) -> datetime:

@@ -11,7 +11,6 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from threading import Event as Signal
 from typing import Any
 
@@ -30,8 +29,7 @@ from semap.store.map.placement import map_from_named_frame
 from semap.store.motion.tracks import described
 from semap.timeline.stamp import DAY_US, day_of, to_datetime
 from semap_ingest.standing import Plan, Standing, look_up, stored_already, track_uid
-from semap_ingest.state_copy import copy_rows, copy_statement, pack_states
-from semap_ingest.track_batch import pack_batch, send_batch
+from semap_ingest.state_batch import state_writer
 from semap_ingest.track_file import REACH_M, Tracks
 
 __all__ = ["Plan", "Replayed", "in_map_frame", "replay", "track_uid"]
@@ -39,7 +37,6 @@ __all__ = ["Plan", "Replayed", "in_map_frame", "replay", "track_uid"]
 log = logging.getLogger(__name__)
 
 ROLE = "semap_ingest"
-COPY_STATES = copy_statement()
 LARGE_FRAME = 200
 """So many tracks at one stamp are cheaper together than among others."""
 
@@ -253,24 +250,21 @@ def _writer(
     tracks: Tracks, registered: _Registered, rows: slice, is_last: NDArray[np.bool_]
 ) -> Callable[[psycopg.Cursor], None]:
     """What writes these states."""
-    stamp_us = tracks.stamp_us[rows]
-    track_ids = registered.track_ids[tracks.track[rows]]
-    is_frame = len(stamp_us) > 1 and bool((stamp_us == stamp_us[0]).all()) and not is_last.any()
-    # frames of the same tracks follow one another in the same order
-    order = np.argsort(track_ids) if is_frame else np.arange(len(track_ids))
-    x_m, y_m, z_m, std_m, across_m, yaw_rad = (
-        each[rows][order]
-        for each in (
-            tracks.x_m, tracks.y_m, tracks.z_m, tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad
-        )
-    )  # fmt: skip
+    std_m, across_m, yaw_rad = (
+        each[rows] for each in (tracks.std_m, tracks.std_across_m, tracks.std_yaw_rad)
+    )
     ellipse = {} if np.isnan(across_m).all() else {"std_across_m": across_m, "std_yaw_rad": yaw_rad}
-    if is_frame:
-        source_id, one_us = registered.source_id, int(stamp_us[0])
-        batch = pack_batch(source_id, one_us, track_ids[order], x_m, y_m, z_m, std_m=std_m, **ellipse)
-        return partial(send_batch, batch=batch)
-    data = pack_states(track_ids, stamp_us, x_m, y_m, z_m, std_m, is_last, **ellipse)
-    return partial(copy_rows, copy_statement(*ellipse), data=data)
+    return state_writer(
+        registered.source_id,
+        registered.track_ids[tracks.track[rows]],
+        tracks.stamp_us[rows],
+        tracks.x_m[rows],
+        tracks.y_m[rows],
+        tracks.z_m[rows],
+        is_last,
+        std_m=std_m,
+        **ellipse,
+    )
 
 
 def _watermark_us(tracks: Tracks, done: int) -> int:

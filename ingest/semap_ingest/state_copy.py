@@ -33,6 +33,9 @@ def copy_statement(*measures: str) -> str:
     return f"copy semap.track_state ({', '.join((*COLUMNS, *measures))}) from stdin (format binary)"
 
 
+COPY_STATES = copy_statement()
+
+
 def pack_states(
     track_id: NDArray[np.int64],
     stamp_us: NDArray[np.int64],

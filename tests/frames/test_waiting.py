@@ -16,6 +16,11 @@ class Seen:
     stamp_us: int
     frame: str = "laser"
     number: int = 0
+    sweep_us: int = 0
+
+    @property
+    def last_us(self) -> int:
+        return self.stamp_us + self.sweep_us
 
 
 def moved(stamp_us: int, child: str = "laser", parent: str = "map") -> Transform:
@@ -156,3 +161,36 @@ def test_every_record_comes_out_once_and_in_the_order_of_its_source(told: list[t
     for each in out:
         if isinstance(each, Ready):
             assert each.target_T_frame[0, 3] == pytest.approx(each.record.stamp_us)
+
+
+def test_a_sweep_waits_for_its_end_too_and_goes_without_it_at_last() -> None:
+    buffer, records = waiting()
+    buffer.add(moved(0))
+    records.put("scan", Seen(10, sweep_us=15))
+    buffer.add(moved(20))
+    assert records.take() == []
+    assert records.held_us == 10
+    buffer.add(moved(30))
+    (ready,) = records.take()
+    assert isinstance(ready, Ready)
+    assert (ready.target_T_frame[0, 3], ready.target_T_last[0, 3]) == (10.0, 25.0)
+    records.put("scan", Seen(20, sweep_us=15))
+    (ready,) = records.flush()
+    assert isinstance(ready, Ready)
+    assert (ready.target_T_frame[0, 3], ready.target_T_last) == (20.0, None)
+
+
+def test_for_a_file_what_is_newer_than_all_transforms_waits_and_keeps_older_ones() -> None:
+    buffer = TransformBuffer(keep_us=100)
+    records: WaitingRecords[Seen] = WaitingRecords(buffer, "map", None, most=3)
+    buffer.add(moved(0, "odom"))
+    for stamp_us in range(0, 3_000_000, 1000):
+        buffer.add(moved(stamp_us, "laser", "odom"))
+        if stamp_us % 10_000 == 0:
+            records.put("scan", Seen(stamp_us, "laser"))
+        ready = records.take()
+        assert len(ready) == (stamp_us == 0)
+    assert records.held_us == 10_000
+    buffer.add(moved(3_000_000, "odom"))
+    assert [each for each in records.take() if isinstance(each, GivenUp)] == []
+    assert len(records) == 0

@@ -106,6 +106,35 @@ def cell_rows(things: Sequence[Thing]) -> Arrays:
     return {"output": rows}
 
 
+def distances(offset: float, strides: Sequence[int]) -> Callable[..., Arrays]:
+    """NanoDet: thing i is told by the cell before its centre, of each stride in turn that reaches its sides.
+
+    All of the weight of a side lies on the two whole distances around it, as a softmax can say it.
+    """
+
+    def encode(things: Sequence[Thing]) -> Arrays:
+        cells = [math.ceil(SIDE / stride) for stride in strides]
+        starts = np.cumsum([0, *(count * count for count in cells)])
+        rows = np.zeros((1, starts[-1], CLASSES + 32), dtype=FLOAT)
+        for thing in things:
+            x, y, width, height = thing.centre_size
+            level = next(n for n, s in enumerate(strides) if max(width, height) / 2 < 6 * s)
+            stride = strides[level]
+            column, line = int(x / stride), int(y / stride)
+            row = rows[0, starts[level] + line * cells[level] + column]
+            row[thing.number] = thing.score
+            left, top, right, bottom = thing.corners_px
+            at_x, at_y = (column + offset) * stride, (line + offset) * stride
+            for side, distance_px in enumerate((at_x - left, at_y - top, right - at_x, bottom - at_y)):
+                whole, part = divmod(distance_px / stride, 1)
+                weights = np.full(8, 1e-9)
+                weights[int(whole)], weights[int(whole) + 1] = 1 - part + 1e-9, part + 1e-9
+                row[CLASSES + 8 * side : CLASSES + 8 * side + 8] = np.log(weights)
+        return {"output": rows}
+
+    return encode
+
+
 def boxes_and_confidences(things: Sequence[Thing]) -> Arrays:
     boxes, confidences = np.zeros((1, 1500, 1, 4), dtype=FLOAT), np.zeros((1, 1500, CLASSES), dtype=FLOAT)
     for i, thing in enumerate(things):
@@ -167,6 +196,35 @@ def query_logits(things: Sequence[Thing]) -> Arrays:
     boxes, scores = queries(things)
     clipped = np.clip(scores, 1e-9, 1 - 1e-6)
     return {"logits": np.log(clipped / (1 - clipped)), "pred_boxes": boxes}
+
+
+def query_ids(things: Sequence[Thing]) -> Arrays:
+    """RF-DETR: boxes `dets`, and logits `labels` of COCO's ids, of which 1 is a person and 18 a dog."""
+    boxes, scores = queries(things)
+    ids = np.full((1, 300, 91), 1e-9, dtype=FLOAT)
+    for number, coco in ((0, 1), (16, 18)):
+        ids[..., coco] = np.clip(scores[..., number], 1e-9, 1 - 1e-6)
+    return {"dets": boxes, "labels": np.log(ids / (1 - ids))}
+
+
+def tensorflow_lists(things: Sequence[Thing]) -> Arrays:
+    """y before x, from 0 to 1, classes as COCO's ids and as floats; the raw lists beside."""
+    boxes, scores, classes = listed(things)
+    ids = np.select([classes == 0, classes == 16], [FLOAT(1), FLOAT(18)], FLOAT(1))
+    return {
+        "detection_anchor_indices": np.zeros((1, 100), FLOAT),
+        "detection_boxes": np.ascontiguousarray(boxes[..., [1, 0, 3, 2]] / SIDE),
+        "detection_classes": ids,
+        "detection_scores": np.maximum(scores, 0),
+        "num_detections": np.array([len(things)], FLOAT),
+        "raw_detection_boxes": np.zeros((1, 1917, 4), FLOAT),
+        "raw_detection_scores": np.zeros((1, 1917, 91), FLOAT),
+    }
+
+
+def corners_score_and_labels(things: Sequence[Thing]) -> Arrays:
+    boxes, scores, classes = listed(things)
+    return {"dets": np.concatenate([boxes, scores[..., None]], axis=2), "labels": classes.astype(np.int64)}
 
 
 def joined_queries(things: Sequence[Thing]) -> Arrays:

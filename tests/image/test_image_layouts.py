@@ -11,6 +11,7 @@ from constant_models import SIDE, Arrays, Thing, write_model
 from onnx import TensorProto, helper, numpy_helper
 from semap_ingest.image.detector import ImageDetector
 from semap_ingest.image.heads import DarknetHead
+from semap_ingest.image.input_form import prepare
 from semap_ingest.image.layout import LAYOUTS, darknet_layout
 from semap_ingest.sensing.boxes import Boxes
 from semap_ingest.sensing.image import Image
@@ -38,18 +39,25 @@ CASES = [
     ("yolov8-transposed", encode.class_rows, False, "centre", True),
     ("yolox", encode.cell_rows, True, "corner", True),
     ("yolox-decoded", lambda things: encode.objectness_rows(things, 2100), True, "corner", True),
+    ("nanodet-plus", encode.distances(0.0, (8, 16, 32, 64)), False, "stretch", True),
+    ("nanodet", encode.distances(0.5, (8, 16, 32)), False, "centre", True),
     ("yolov4", encode.boxes_and_confidences, False, "stretch", True),
     ("yolov4-tiny-heads", encode.darknet_maps(1.05, YOLOV4_MASKS), True, "stretch", True),
     ("yolov3-tiny-heads", encode.darknet_maps(1.0, YOLOV3_MASKS), True, "stretch", True),
     ("fastestdet", encode.fastestdet_map, False, "stretch", True),
     ("rtdetr-logits", encode.query_logits, False, "stretch", False),
     ("rtdetr-scores", encode.query_scores, False, "stretch", False),
+    ("rf-detr", encode.query_ids, False, "stretch", False),
+    ("tf-ssd", encode.tensorflow_lists, False, "stretch", False),
+    ("mmdet", encode.corners_score_and_labels, False, "corner", False),
     ("rtdetr-joined", encode.joined_queries, False, "stretch", False),
     ("boxes-scores-labels", encode.labels_boxes_scores_flat, False, "stretch", False),
     ("counted", encode.counted, False, "centre", False),
     ("yolov10", encode.score_class_rows, False, "centre", False),
     ("yolov7-end2end", encode.batch_class_score_rows, False, "centre", False),
 ]
+NUMBERED_AS_COCO = ("rf-detr", "tf-ssd")
+"""Their classes have the ids of COCO's categories, and so names of their own."""
 
 
 def to_input(corners: tuple[float, ...], fit: str) -> tuple[float, float, float, float]:
@@ -93,7 +101,8 @@ def test_known_boxes_come_back(
             ImageDetector.open(path)
         assert name in str(caught.value)
         assert "--camera-layout" in caught.value.remedy
-    names = None if LAYOUTS[name].overlapping else ["person", *"x" * 79]
+    knows_names = LAYOUTS[name].overlapping or name in NUMBERED_AS_COCO
+    names = None if knows_names else ["person", *"x" * 79]
     detector = ImageDetector.open(path, layout=name if named else None, class_names=names)
     assert detector.layout.name == name
     assert_persons(detector.detect(grey()))
@@ -104,8 +113,9 @@ EMPTY = [case for case in CASES if not case[2]]
 
 @pytest.mark.parametrize(("name", "outputs"), [case[:2] for case in EMPTY], ids=[case[0] for case in EMPTY])
 def test_nothing_is_found_where_nothing_is(tmp_path: Path, name: str, outputs: Callable[..., Arrays]) -> None:
+    names = None if name in NUMBERED_AS_COCO else ["person", *"x" * 79]
     detector = ImageDetector.open(
-        write_model(tmp_path / "model.onnx", outputs([])), class_names=["person", *"x" * 79], wanted=None
+        write_model(tmp_path / "model.onnx", outputs([])), class_names=names, wanted=None
     )
     assert detector.layout.name == name
     boxes = detector.detect(grey())
@@ -114,7 +124,7 @@ def test_nothing_is_found_where_nothing_is(tmp_path: Path, name: str, outputs: C
 
 
 def test_the_table_covers_every_layout() -> None:
-    others = {"rtdetr", "selected-xyxy", "selected-yxyx", "selected-cxcywh"}
+    others = {"rtdetr", "mmdet-rtmdet", "mmdet-yolox", "selected-xyxy", "selected-yxyx", "selected-cxcywh"}
     assert {case[0] for case in CASES} | others == set(LAYOUTS)
 
 
@@ -138,6 +148,51 @@ def test_a_model_that_asks_for_the_size_is_told_that_of_its_input(tmp_path: Path
     detector = ImageDetector.open(path, class_names=["person", *"x" * 79])
     assert detector.layout.name == "rtdetr"
     assert_persons(detector.detect(grey()))
+
+
+@pytest.mark.parametrize("layout", ["mmdet", "mmdet-rtmdet", "mmdet-yolox"])
+def test_models_of_one_kind_are_fed_as_each_is_trained(tmp_path: Path, layout: str) -> None:
+    """The model gives its input back as a score: of one green and bluish colour, by red, green or blue."""
+    nodes = [
+        helper.make_node("Slice", ["images", "from", "to", "axes"], ["corner"]),
+        helper.make_node("Reshape", ["corner", "shape"], ["score"]),
+        helper.make_node("Concat", ["corners", "score"], ["dets"], axis=2),
+    ]
+    constants = {
+        "from": np.array([0, 0, 0, 0]), "to": np.array([1, 3, 1, 1]), "axes": np.arange(4),
+        "shape": np.array([1, 3, 1]), "corners": np.tile(np.float32([10, 20, 60, 160]), (1, 3, 1)),
+    }  # fmt: skip
+    made = [
+        helper.make_node("Constant", [], [name], value=numpy_helper.from_array(array))
+        for name, array in constants.items()
+    ]
+    path = write_model(
+        tmp_path / "model.onnx",
+        {"labels": np.zeros((1, 3), np.int64)},
+        nodes=[*made, *nodes],
+        more_outputs=[helper.make_tensor_value_info("dets", TensorProto.FLOAT, [1, 3, 5])],
+    )
+    colour = np.array([140, 200, 250], np.uint8)
+    detector = ImageDetector.open(path, layout=layout, class_names=["person"], min_score=1e-6)
+    seen = detector.model.run(
+        {"images": prepare(np.full((HEIGHT, WIDTH, 3), colour), detector.form, detector.input)[0]}
+    )
+    scores = np.asarray(seen[1])[0, :, 4]
+    normal = (colour - np.array([123.675, 116.28, 103.53])) / np.array([58.395, 57.12, 57.375])
+    wanted = {"mmdet": normal, "mmdet-rtmdet": normal[::-1], "mmdet-yolox": colour[::-1]}[layout]
+    np.testing.assert_allclose(scores, wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("names", "columns"), [(["person"], 2), (["person"], 1), (["robot", "person"], 3)])
+def test_a_detr_of_ones_own_classes_may_have_a_place_more(
+    tmp_path: Path, names: list[str], columns: int
+) -> None:
+    boxes, scores = encode.queries(things_for("stretch", again=False))
+    logits = np.full((1, 300, columns), -20.0, np.float32)
+    likely = np.clip(scores[..., 0], 1e-9, 1 - 1e-6)
+    logits[..., names.index("person")] = np.log(likely / (1 - likely))
+    path = write_model(tmp_path / "model.onnx", {"dets": boxes, "labels": logits})
+    assert_persons(ImageDetector.open(path, class_names=names).detect(grey()))
 
 
 @pytest.mark.parametrize("order", ["xyxy", "yxyx", "cxcywh"])

@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 from semap_ingest.image.arrangement import Evidence
@@ -97,6 +97,42 @@ KNOWN = [
     ),
     Known("four classes", {"scores": (1, 300, 4), "boxes": (1, 300, 4)}, "rtdetr-scores"),
     Known("fastestdet", {"758": (1, 85, 22, 22)}, "fastestdet", (352, 352)),
+    Known(
+        "ssd of TensorFlow",
+        {
+            "detection_boxes:0": (1, 100, 4),
+            "detection_classes:0": (1, 100),
+            "detection_scores:0": (1, 100),
+            "num_detections:0": (1,),
+        },
+        "tf-ssd",
+    ),
+    Known("rf-detr-nano", {"dets": (1, 300, 4), "labels": (1, 300, 91)}, "rf-detr", (384, 384)),
+    Known(
+        "rf-detr of masks",
+        {"dets": (1, 200, 4), "labels": (1, 200, 91), "masks": (1, 200, 78, 78)},
+        "rf-detr",
+        (312, 312),
+    ),
+    Known("rf-detr of one class", {"dets": (1, 300, 4), "labels": (1, 300, 2)}, "rf-detr", class_count=1),
+    Known("nanodet-plus-m_416", {"output": (1, 3598, 112)}, "nanodet-plus", (416, 416)),
+    Known("nanodet-plus-m_320", {"output": (1, 2125, 112)}, "nanodet-plus", (320, 320), class_count=80),
+    Known(
+        "nanodet-plus of one class",
+        {"output": (1, 2125, 33)},
+        "yolov5 yolov8-transposed yolox yolox-decoded nanodet-plus",
+        (320, 320),
+    ),
+    Known("nanodet-plus of persons", {"output": (1, 2125, 33)}, "nanodet-plus", (320, 320), class_count=1),
+    Known("nanodet-m", {"output": (1, 2100, 112)}, "nanodet", (320, 320)),
+    Known("faster rcnn", {"dets": (1, 100, 5), "labels": (1, 100)}, "mmdet", integers=("labels",)),
+    Known("nothing found", {"dets": (1, 0, 5), "labels": (1, 0)}, "mmdet", integers=("labels",)),
+    Known(
+        "mask rcnn",
+        {"dets": (1, 7, 5), "labels": (1, 7), "masks": (1, 7, 28, 28)},
+        "mmdet",
+        integers=("labels",),
+    ),
     Known("yolov7 end to end", {"output": (0, 7)}, "yolov7-end2end"),
     Known(
         "torchvision",
@@ -114,16 +150,6 @@ KNOWN = [
 UNKNOWN = [
     Known("classifier", {"prob": (1, 1000)}, "a classifier", (224, 224)),
     Known("old classifier", {"prob": (1, 1000, 1, 1)}, "a classifier", (224, 224)),
-    Known(
-        "ssd of TensorFlow",
-        {
-            "detection_boxes": (1, 100, 4),
-            "detection_classes": (1, 100),
-            "detection_scores": (1, 100),
-            "num_detections": (1,),
-        },
-        "no detector whose outputs are known",
-    ),
     Known(
         "yolov5 raw", {str(i): (1, 3, 80, 80, 85) for i in range(3)}, "no detector whose outputs are known"
     ),
@@ -167,7 +193,7 @@ def test_what_is_no_detector(known: Known) -> None:
 def test_the_order_of_outputs_does_not_matter(known: Known) -> None:
     for outputs in itertools.permutations(known.outputs.items()):
         layout = known.layouts.split()[0]
-        evidence = Known("", dict(outputs), "", known.input_px, known.class_count, known.metadata).evidence
+        evidence = replace(known, outputs=dict(outputs)).evidence
         _, arrangement = recognise(evidence, "", layout, "m.onnx")
         names = [list(dict(outputs))[i] for i in arrangement.order]
         first = recognise(known.evidence, "", layout, "m.onnx")[1].order

@@ -18,7 +18,7 @@ from semap_ingest.object_file import (
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput, NotFound
-from semap.store.motion.object_states import NewObjectState
+from semap.model.object_state import NewObjectState
 from semap.timeline.stamp import parse_stamp, to_datetime
 
 NOON_US = parse_stamp("2026-01-31T12:00:00Z")

@@ -8,10 +8,13 @@ import pytest
 from laser.leg_scene import cast, scan_of
 from semap_ingest.laser.clusters import ScanClusters, find_clusters
 from semap_ingest.laser.features import (
+    CROWDED_M,
+    FACE_M,
     FEATURES,
     JUMP_REACH_M,
     MAX_RADIUS_M,
     NEAREST_REACH_M,
+    WALL_M,
     column,
     describe,
 )
@@ -70,14 +73,11 @@ def plain(scan: Scan, clusters: ScanClusters, k: int) -> dict[str, float]:
     span = (int(clusters.beam[stop - 1]) - int(clusters.beam[first])) * scan.angle_step_rad
     across = (ranges[0] + ranges[-1]) * math.sin(min(abs(span), math.pi) / 2)
     return {
-        "points": n,
         "std_m": math.sqrt(sum(abs(p - mean) ** 2 for p in points) / (n - 1)),
         "median_deviation_m": sum(abs(p - median) for p in points) / n,
         "jump_before_m": jump_before,
         "jump_after_m": jump_after,
         "width_m": width,
-        "linearity_m2": line,
-        "circularity_m2": circle,
         "radius_m": radius if is_round else MAX_RADIUS_M,
         "boundary_m": sum(lengths),
         "regularity_m": float(np.std(lengths)),
@@ -86,7 +86,6 @@ def plain(scan: Scan, clusters: ScanClusters, k: int) -> dict[str, float]:
         "inscribed_rad": float(np.mean(inscribed)),
         "inscribed_std_rad": float(np.std(inscribed)),
         "distance_m": abs(median),
-        "distance_per_point_m": abs(median) / n,
         "occluded_before": occluded_before,
         "occluded_after": occluded_after,
         "line_rms_m": math.sqrt(line / n),
@@ -100,6 +99,48 @@ def plain(scan: Scan, clusters: ScanClusters, k: int) -> dict[str, float]:
         "across_m": across,
         "slant": abs(ranges[-1] - ranges[0]) / max(width, 1e-3),
         "bulge_per_across": bulge / max(across, 1e-3),
+        **around(scan, clusters, k, mean, width),
+    }
+
+
+def around(scan: Scan, clusters: ScanClusters, k: int, mean: complex, width: float) -> dict[str, float]:
+    first, stop = int(clusters.first[k]), int(clusters.stop[k])
+    everything = [complex(*p) for p in clusters.points_m]
+    others = [p for j, p in enumerate(everything) if not first <= j < stop]
+    reach = [max(abs(p - mean) - width / 2, 0.0) for p in others]
+    ahead = mean / abs(mean)
+    beside = [r for p, r in zip(others, reach, strict=True) if ((p - mean) * ahead.conjugate()).real < FACE_M]
+    step = abs(scan.angle_step_rad)
+    apart = []
+    for j in range(len(clusters)):
+        other = everything[int(clusters.first[j]) : int(clusters.stop[j])]
+        if j != k and 0.02 <= abs(other[-1] - other[0]) <= 0.35:
+            apart.append(abs(sum(other) / len(other) - mean))
+    wall = np.array([[p.real, p.imag] for p, r in zip(others, reach, strict=True) if r < WALL_M]).reshape(
+        -1, 2
+    )
+    off = spread = 1.0
+    if len(wall) >= 3:
+        middle = wall.mean(axis=0)
+        _, (long, short), axes = np.linalg.svd(wall - middle)
+        off = min(abs(float(axes[1] @ (middle - [mean.real, mean.imag]))), 1.0)
+        spread = float(short / max(long, 1e-9))
+
+    def gap(edge: int, other: int) -> float:
+        is_there = 0 <= other < len(everything)
+        return float(np.clip(abs(everything[other]) - abs(everything[edge]), -1, 1)) if is_there else 0.0
+
+    crowds = [sum(abs(p) * step for p, r in zip(others, reach, strict=True) if r < w) for w in CROWDED_M]
+    return {
+        "gap_before_m": gap(first, first - 1),
+        "gap_after_m": gap(stop - 1, stop),
+        "alone_m": min([*reach, 1.0]),
+        "alone_beside_m": min([*beside, 1.0]),
+        **{f"crowd_{n}_m": length for n, length in enumerate(crowds)},
+        "narrow_1": sum(a <= 1.0 for a in apart),
+        "narrow_2": sum(a <= 2.0 for a in apart),
+        "wall_off_m": off,
+        "wall_spread": spread,
     }
 
 
@@ -135,6 +176,31 @@ def test_a_hollow_bulges_away_from_the_laser() -> None:
     described = describe(scan, find_clusters(scan))
     assert column(described, "curvature_per_m")[0] < 0
     assert column(described, "turn_rad")[0] < 0
+
+
+@pytest.mark.parametrize("skip", [2, 3])
+def test_a_leg_looks_the_same_to_a_coarser_laser(skip: int) -> None:
+    """Nothing of it counts beams: what changes is by how much its edges are uncertain, and the spacing itself."""
+    fine = cast(np.array([[1.2, 0.2], [1.3, -0.2]]), 0.07, wall_m=3.0)
+    coarse = scan_of(fine.ranges_m[::skip], fine.angle_step_rad * skip, fine.angle_min_rad)
+    (leg, *_), (same, *_) = (
+        each[(column(each, "distance_m") < 2)]
+        for each in (describe(s, find_clusters(s)) for s in (fine, coarse))
+    )
+    spacing_m = 1.3 * coarse.angle_step_rad
+    apart = dict(zip(FEATURES, np.abs(leg - same).tolist(), strict=True))
+    for name in (
+        "width_m",
+        "across_m",
+        "std_m",
+        "line_rms_m",
+        "boundary_m",
+        "depth_m",
+        "nearest_m",
+        "alone_m",
+    ):
+        assert apart[name] <= 2 * spacing_m, name
+    assert apart["narrow_1"] == apart["narrow_2"] == 0
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_a_model_of_other_features_is_refused(tmp_path: Path) -> None:
     )
     path = tmp_path / "other.onnx"
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 15)], ir_version=8), path)
-    with pytest.raises(InvalidInput, match="not a classifier of the 30 features") as refused:
+    with pytest.raises(InvalidInput, match="not a classifier of the 37 features") as refused:
         LegDetector.open(path)
     assert "legs.py" in refused.value.remedy
 

@@ -32,7 +32,12 @@ def plain_clusters(scan: Scan, settings: ClusterSettings) -> list[list[int]]:
                 clusters[-1].append(beam)
                 continue
         clusters.append([beam])
-    return [cluster for cluster in clusters if len(cluster) >= settings.min_points]
+
+    def least(cluster: list[int]) -> int:
+        is_coarse = float(scan.ranges_m[cluster[0]]) * scan.angle_step_rad > settings.coarse_m
+        return max(settings.min_points - is_coarse, 1)
+
+    return [cluster for cluster in clusters if len(cluster) >= least(cluster)]
 
 
 ranges = st.lists(

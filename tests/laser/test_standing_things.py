@@ -5,10 +5,11 @@ PERIOD_US = 66_667
 NOBODY = np.zeros((0, 2))
 
 
-def watch(things, first, count, place, persons=NOBODY):
-    """So many scans with clusters at `place(i)`."""
+def watch(things, first, count, place, persons=NOBODY, score=0.2):
+    """So many scans with clusters at `place(i)`, which look so much like legs."""
     for i in range(first, first + count):
-        things.learn(i * PERIOD_US, np.array(place(i), float).reshape(-1, 2), persons)
+        centre = np.array(place(i), float).reshape(-1, 2)
+        things.learn(i * PERIOD_US, centre, np.full(len(centre), score), persons)
 
 
 def test_what_stands_for_three_seconds_is_a_thing_and_not_before():
@@ -27,7 +28,24 @@ def test_noise_and_missed_scans_make_no_difference():
     assert things.are_things(np.array([[2.0, 1.0]])).all()
 
 
-def test_a_person_who_walks_or_whom_the_camera_sees_is_none():
+def test_somebody_who_stands_before_a_laser_for_a_minute_is_none():
+    things = StandingThings()
+    watch(things, 0, 900, lambda i: [[2.0, 1.0]], score=0.8)
+    assert not things.are_things(np.array([[2.0, 1.0]])).any()
+
+
+def test_it_takes_the_same_time_at_any_rate():
+    for rate_hz in (5, 7.5, 40):
+        things = StandingThings()
+        stamps = np.arange(0, 3_000_001, round(1e6 / rate_hz))
+        for stamp_us in stamps[:-1]:
+            things.learn(int(stamp_us), np.array([[2.0, 1.0]]), np.array([0.2]), NOBODY)
+        assert not things.are_things(np.array([[2.0, 1.0]])).any()
+        things.learn(3_000_000, np.array([[2.0, 1.0]]), np.array([0.2]), NOBODY)
+        assert things.are_things(np.array([[2.0, 1.0]])).all()
+
+
+def test_a_person_who_walks_or_who_is_known_is_none():
     things = StandingThings()
     watch(things, 0, 100, lambda i: [[i * 0.05, 0.0]])
     assert not things.are_things(np.array([[4.95, 0.0], [4.0, 0.0]])).any()
@@ -51,6 +69,6 @@ def test_a_thing_that_is_gone_is_forgotten():
 
 def test_nothing_is_no_thing():
     things = StandingThings()
-    things.learn(0, NOBODY, NOBODY)
+    things.learn(0, NOBODY, np.zeros(0), NOBODY)
     assert things.are_things(NOBODY).shape == (0,)
     assert not things.are_things(np.array([[0.0, 0.0]])).any()

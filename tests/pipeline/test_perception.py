@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from semap_ingest.laser.detector import LegDetector
 from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.perception import Perception
-from semap_ingest.pipeline.roles import Roles, Timing
+from semap_ingest.pipeline.sensor import Sensor
 from semap_ingest.recording.reading import Received, Recording
 from semap_ingest.sensing.boxes import Boxes
 from semap_ingest.sensing.image import Camera, CompressedImage
@@ -25,7 +25,8 @@ START_US = 1_767_604_500 * SECOND_US
 # optical frame of a camera at 1.2 m that looks along x of the map
 LOOKS_AHEAD = np.array([-0.5, 0.5, -0.5, 0.5])
 CAMERA = Camera("optical", 640, 480, np.array([[320.0, 0, 320], [0, 320, 240], [0, 0, 1]]), np.zeros(5))
-TIMING = Timing(image_period_us=30_000, scan_period_us=60_000)
+PEOPLE = Sensor("people", "finder", "/people")
+EYE = Sensor("eye", "camera", "/boxes", period_us=30_000)
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +38,15 @@ def legs() -> LegDetector:
 def records(plan) -> list[Received]:
     with Recording(plan.path) as recording:
         return list(recording.records())
+
+
+def laser(legs: LegDetector, **more) -> Sensor:
+    return Sensor("scan", "laser", "/scan", legs, period_us=60_000, **more)
+
+
+def eye_and_laser(legs: LegDetector) -> list[Sensor]:
+    """A camera that is fused with its laser."""
+    return [laser(legs), replace(EYE, partner="scan")]
 
 
 def still(child: str, place: tuple[float, float, float], turn=(0.0, 0.0, 0.0, 1.0)) -> Received:
@@ -51,7 +61,7 @@ def boxes_at(stamp_us: int, label: str = "person") -> Boxes:
 
 def poses_at(stamp_us: int, frame: str = "map", place=(3.0, 1.0, 0.0)) -> PersonPoses:
     unknown = np.full((1, 2, 2), np.nan)
-    return PersonPoses(stamp_us, frame, np.array([place]), unknown, np.ones(1))
+    return PersonPoses(stamp_us, frame, np.array([place]), unknown, np.ones(1), ("",))
 
 
 def play(perception: Perception, records: list[Received]) -> list[Found]:
@@ -99,7 +109,7 @@ def stamps_of_persons(found: list[Found]) -> list[int]:
 
 
 def test_the_same_records_give_the_same(records, legs):
-    first, second = (play(Perception(Roles(leg_detector=legs), TIMING), records) for _ in range(2))
+    first, second = (play(Perception([laser(legs)]), records) for _ in range(2))
     assert said(first) == said(second)
     require_true_watermarks(first)
     assert stamps_of_persons(first)
@@ -126,7 +136,7 @@ def test_no_result_is_behind_a_watermark_whatever_comes_when(records, legs, data
     delays_us = data.draw(st.lists(st.integers(0, 400_000), min_size=30, max_size=30))
     lost = data.draw(st.sets(st.integers(0, len(short) - 1), max_size=20))
     kept = [each for place, each in enumerate(short) if place not in lost]
-    perception = Perception(Roles(leg_detector=legs, boxes_given=True), TIMING)
+    perception = Perception(eye_and_laser(legs))
     perception.take(Received(START_US, "/camera_info", replace(CAMERA, frame="optical")))
     require_true_watermarks(play(perception, with_boxes(kept, delays_us)))
 
@@ -137,20 +147,20 @@ def test_a_clock_that_is_set_back_and_a_stamp_from_afar_are_left_out(records, le
     for place, shift_us in ((scans[20], 3600 * SECOND_US), (scans[40], -2 * SECOND_US)):
         value = records[place].value
         spoilt[place] = replace(records[place], value=replace(value, stamp_us=value.stamp_us + shift_us))
-    perception = Perception(Roles(leg_detector=legs), TIMING)
+    perception = Perception([laser(legs)])
     found = play(perception, spoilt)
     require_true_watermarks(found)
     assert perception.left_out == {
         "/scan: the stamp is far ahead of all others": 1,
         "/scan: the stamp is not after the one before": 1,
     }
-    whole = stamps_of_persons(play(Perception(Roles(leg_detector=legs), TIMING), records))
+    whole = stamps_of_persons(play(Perception([laser(legs)]), records))
     assert len(whole) - len(stamps_of_persons(found)) <= 2
 
 
 @pytest.mark.parametrize("stamp_us", [-(10**16), 10**18])
 def test_a_stamp_that_cannot_be_stored_is_left_out(stamp_us):
-    perception = Perception(Roles(poses_given=True), Timing())
+    perception = Perception([PEOPLE])
     found = play(perception, [Received(START_US, "/people", poses_at(stamp_us))])
     assert said(found) == said([Found(), Found()])
     assert perception.left_out == {"/people: the stamp is no time from 1800 to 9998": 1}
@@ -158,7 +168,7 @@ def test_a_stamp_that_cannot_be_stored_is_left_out(stamp_us):
 
 def test_event_time_that_goes_on_after_years_is_followed():
     stamps = [*range(0, 30 * PERIOD_US, PERIOD_US), *range(START_US, START_US + 30 * PERIOD_US, PERIOD_US)]
-    perception = Perception(Roles(poses_given=True), Timing())
+    perception = Perception([PEOPLE])
     found = play(perception, [Received(stamp_us, "/people", poses_at(stamp_us)) for stamp_us in stamps])
     require_true_watermarks(found)
     assert perception.left_out == {}
@@ -170,7 +180,7 @@ def test_event_time_that_goes_on_after_years_is_followed():
     "ranges", [[], [np.nan] * 811, [np.inf] * 811, [-1.0] * 811, [0.0] * 811, [1e38] * 811, [2.0]], ids=str
 )
 def test_scans_in_which_there_is_nothing_are_no_harm(legs, ranges):
-    perception = Perception(Roles(leg_detector=legs), Timing(scan_period_us=60_000))
+    perception = Perception([laser(legs)])
     scans = [
         Scan(START_US + n * PERIOD_US, "laser", -2.35, 0.0058, 0.05, 25.0, np.array(ranges, np.float32))
         for n in range(3)
@@ -185,7 +195,7 @@ def test_scans_in_which_there_is_nothing_are_no_harm(legs, ranges):
 
 
 def test_persons_whom_the_robot_has_found_are_told_where_they_stand():
-    perception = Perception(Roles(poses_given=True), Timing())
+    perception = Perception([PEOPLE])
     stamps = [START_US + n * PERIOD_US for n in range(20)]
     # in an optical frame that looks along x of the map: 3 m ahead, 1 m to the right
     records = [Received(at_us, "/people", poses_at(at_us, "optical", (1.0, 0.2, 3.0))) for at_us in stamps]
@@ -196,7 +206,7 @@ def test_persons_whom_the_robot_has_found_are_told_where_they_stand():
 
 
 def test_scans_beside_given_poses_tell_of_lines_only(records, legs):
-    perception = Perception(Roles(leg_detector=legs, poses_given=True), TIMING)
+    perception = Perception([PEOPLE, laser(legs, tells_persons=False)])
     found = play(perception, records)
     assert stamps_of_persons(found) == []
     assert sum(len(each.lines) for one in found for each in one.lines) > 0
@@ -206,7 +216,7 @@ def test_scans_beside_given_poses_tell_of_lines_only(records, legs):
     ("label", "is_person"), [("person", True), ("Pedestrian", True), ("", True), ("chair", False)]
 )
 def test_boxes_of_persons_alone_are_followed(label, is_person):
-    perception = Perception(Roles(boxes_given=True), TIMING)
+    perception = Perception([EYE])
     stamps = [START_US + n * PERIOD_US for n in range(30)]
     records = [Received(at_us, "/boxes", boxes_at(at_us, label)) for at_us in stamps]
     found = play(
@@ -219,19 +229,19 @@ def test_boxes_of_persons_alone_are_followed(label, is_person):
     )
     require_true_watermarks(found)
     assert any(len(each.states) for one in found for each in one.persons) is is_person
-    assert perception.left_out == ({} if is_person else {"boxes of something that is not a person": 30})
+    assert perception.left_out == ({} if is_person else {"eye: boxes of something that is not a person": 30})
 
 
 def test_without_camera_info_the_camera_tells_nothing():
-    perception = Perception(Roles(boxes_given=True), TIMING)
+    perception = Perception([EYE])
     placed = still("optical", (0.0, 0.0, 1.2), tuple(LOOKS_AHEAD))
     found = play(perception, [placed, Received(START_US, "/boxes", boxes_at(START_US))])
     assert stamps_of_persons(found) == []
-    assert perception.left_out == {"images: no camera_info has come before them": 1}
+    assert perception.left_out == {"eye: no camera_info has come before its images": 1}
 
 
 def test_without_transforms_everything_is_given_up(records, legs):
-    perception = Perception(Roles(leg_detector=legs), TIMING)
+    perception = Perception([laser(legs)])
     scans = [each for each in records if isinstance(each.value, Scan)]
     found = play(perception, scans)
     assert said(found[-1:]) == said([Found()])
@@ -243,7 +253,7 @@ class NeverAsked:
 
 
 def test_images_that_are_broken_are_counted():
-    perception = Perception(Roles(image_detector=NeverAsked()), TIMING)
+    perception = Perception([Sensor("eye", "camera", "/image", NeverAsked())])
     for number in range(3):
         stamp_us = START_US + number * PERIOD_US
         image = CompressedImage(stamp_us, "optical", b"no jpeg at all")
@@ -258,7 +268,7 @@ def test_a_sensor_that_falls_silent_does_not_hold_the_other(records, legs, silen
     both = with_boxes(records, [0] * 180)
     kind = Boxes if silent == "camera" else Scan
     kept = [each for each in both if not (isinstance(each.value, kind) and each.value.stamp_us in gap)]
-    perception = Perception(Roles(leg_detector=legs, boxes_given=True), TIMING)
+    perception = Perception(eye_and_laser(legs))
     perception.take(Received(START_US, "/camera_info", CAMERA))
     perception.take(still("optical", (0.0, 0.0, 1.2), tuple(LOOKS_AHEAD)))
     found = play(perception, kept)

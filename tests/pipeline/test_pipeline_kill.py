@@ -13,6 +13,7 @@ import pytest
 from patience import any_moment, moment, until
 from semap_service.exchange.map_file import bring_in, read_file
 from server import SETTINGS, reachable_folder
+from sqlalchemy import text
 from stored_results import stored
 
 from semap.cluster import Cluster
@@ -21,6 +22,10 @@ from semap.store.operate.schema import migrate
 
 PATIENCE_S = 300.0
 PACE = "0.15"
+CONNECTED = text("""
+    select exists (select from pg_stat_activity
+                   where application_name = 'semap ingest' and datname = current_database())
+""")
 
 
 def begun(dsn: str, recording: str, pace: str | None) -> subprocess.Popen:
@@ -35,6 +40,11 @@ def begun(dsn: str, recording: str, pace: str | None) -> subprocess.Popen:
 def is_done(process: subprocess.Popen) -> bool:
     process.communicate(timeout=PATIENCE_S)
     return process.returncode == 0
+
+
+def is_connected(dsn: str) -> bool:
+    with one_transaction(dsn) as connection:
+        return bool(connection.scalar(CONNECTED))
 
 
 def end(process: subprocess.Popen) -> None:
@@ -73,6 +83,8 @@ def test_kills_at_random_moments_change_nothing(office):
             dsn = with_map(cluster, "killed", office)
             process = begun(dsn, recording, PACE)
             while sum(kills.values()) < 8:
+                # one that begins while the server does ends, and says so
+                until(lambda process=process: process.poll() is not None or is_connected(dsn))
                 any_moment(dice, 0.5, 4.0)
                 assert process.poll() is None, f"{process.stderr.read()} after {kills}"
                 victim = min(kills, key=lambda name: kills[name] + 2 * dice.random())

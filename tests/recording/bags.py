@@ -1,6 +1,6 @@
 """Recordings written by rosbags' own writers, in each of the formats."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -213,6 +213,43 @@ class Ros:
             results=list(hypotheses),
             bbox=self.make("vision_msgs/BoundingBox3D", center=self.pose(place), size=self.vector(size)),
             **more,
+        )
+
+    def people(self, stamp_ns: int, places: Mapping[str, Sequence[float]]) -> Any:
+        still = self.point((0.0, 0.0, 0.0))
+        persons = [
+            self.make(
+                "people_msgs/Person", name=name, position=self.point(place), velocity=still, reliability=0.5,
+                tagnames=[], tags=[],
+            )
+            for name, place in places.items()
+        ]  # fmt: skip
+        return self.make("people_msgs/People", header=self.header(stamp_ns, "map"), people=persons)
+
+    def tracked(
+        self,
+        stamp_ns: int,
+        places: Mapping[int, Sequence[float]],
+        covariance: Sequence[float] | None = None,
+        hidden: Collection[int] = (),
+    ) -> Any:
+        """Persons of spencer_tracking_msgs by their numbers; the hidden ones are occluded."""
+        zero = self.vector((0.0, 0.0, 0.0))
+        still = self.make(
+            "geometry_msgs/TwistWithCovariance",
+            twist=self.make("geometry_msgs/Twist", linear=zero, angular=zero),
+            covariance=np.zeros(36),
+        )
+        age = self.make("builtin_interfaces/Duration", sec=1, nanosec=0)
+        tracks = [
+            self.make(
+                "spencer_tracking_msgs/TrackedPerson", track_id=number, is_occluded=number in hidden,
+                is_matched=True, detection_id=0, age=age, pose=self.uncertain(place, covariance), twist=still,
+            )
+            for number, place in places.items()
+        ]  # fmt: skip
+        return self.make(
+            "spencer_tracking_msgs/TrackedPersons", header=self.header(stamp_ns, "map"), tracks=tracks
         )
 
 

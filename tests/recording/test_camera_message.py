@@ -99,7 +99,7 @@ def test_a_small_or_odd_bayer_pattern(shape: tuple[int, int]) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"encoding": "32FC1"}, "the encoding '32FC1' is not one of"),
+        ({"encoding": "32FC1"}, "an image of 32FC1, which are distances"),
         ({"encoding": ""}, "the encoding ''"),
         ({"height": 0}, "without pixels"),
         ({"width": 2**31}, "bytes in rows"),

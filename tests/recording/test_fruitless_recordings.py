@@ -10,7 +10,7 @@ import pytest
 from bags import Ros, Said, write
 from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording
 from semap_ingest.pipeline.perception import Perception
-from semap_ingest.pipeline.roles import Roles, Timing
+from semap_ingest.pipeline.sensor import Sensor
 from semap_ingest.pipeline.topics import cast_parts
 from semap_ingest.recording.reading import Received, Recording
 from semap_ingest.sensing.boxes import Boxes
@@ -81,8 +81,8 @@ def test_scans_in_which_nothing_came_back_are_an_exit_status(world: World, tmp_p
     asked = ["ingest", "recording", str(plan.path), "--map", "world", "--dsn", world.dsn]
     ran = CliRunner().invoke(commands(), asked)
     assert ran.exit_code == 1
-    assert "left out: 8 records: scan: nothing came back in it" in ran.output
-    assert "none of 8 records of the scan could be used" in ran.output
+    assert "left out: 8 records: /scan: nothing came back in it" in ran.output
+    assert "none of 8 records of /scan could be used" in ran.output
     assert "no person and no line was found" in ran.output
 
 
@@ -98,7 +98,7 @@ OTHER = Said("/tf_static", TF, ROS.tf(ROS.transform(START_NS, "map", "door")), S
     ("said", "says"),
     [
         ([ONCE, *TURNING, *scans()], "the transform from 'map' to 'odom' was sent once, for 2026-07-25T17:19:59+00:00,"),
-        ([STILL, *scans(frame="")], "scan: its messages name no frame"),
+        ([STILL, *scans(frame="")], "/scan: its messages name no frame"),
         (scans(), "no transform names the frame 'laser'"),
         ([OTHER, *TURNING, *scans()], "transforms lead from 'laser' up to 'odom', and from 'map' up to 'map'"),
         ([STILL, *scans(frame="base_laser")], "no transform names the frame 'base_laser'"),
@@ -164,7 +164,9 @@ LENS = Camera("camera_link", 640, 480, np.array([[500.0, 0, 320], [0, 500, 240],
 
 
 def played(*, is_one_camera: bool) -> Perception:
-    perception = Perception(Roles(boxes_given=True, is_one_camera=is_one_camera), Timing())
+    perception = Perception(
+        [Sensor("eye", "camera", "/boxes", info_topic="/camera_info" if is_one_camera else None)]
+    )
     stands = Transform(START_US, "map", "optical", np.array([0.0, 0, 1.2]), LOOKS_AHEAD, is_static=True)
     perception.take(Received(START_US, "/tf_static", stands))
     perception.take(Received(START_US, "/camera_info", LENS))
@@ -185,11 +187,11 @@ def played(*, is_one_camera: bool) -> Perception:
 
 def test_camera_info_of_another_frame_is_taken_where_it_is_of_the_images() -> None:
     one = played(is_one_camera=True)
-    assert (one.used["camera"], one.left_out) == (20, {})
+    assert (one.feeders["/boxes"].used, one.left_out) == (20, {})
     other = played(is_one_camera=False)
-    assert other.used["camera"] == 0
+    assert other.feeders["/boxes"].used == 0
     ((why, count),) = other.left_out.items()
-    assert why.startswith("images: they are of the frame 'optical', and camera_info is of 'camera_link'")
+    assert why.startswith("eye: its images are of the frame 'optical', and camera_info is of 'camera_link'")
     assert count == 20
 
 
@@ -200,3 +202,16 @@ def test_images_without_camera_info_are_refused(world: World, tmp_path: Path) ->
     with pytest.raises(InvalidInput, match="there is no calibration of the camera") as caught:
         ingest_recording(world.dsn, recorded(tmp_path, said))
     assert "--topic boxes=" in caught.value.remedy
+
+
+def test_a_sensor_that_no_transform_places_is_placed_by_an_option(world: World, tmp_path: Path) -> None:
+    plan = recorded(tmp_path, scans())
+    place = ["--transform", "map", "laser", "1", "1", "0.3", "0", "0", "-0.5"]
+    base = ["ingest", "recording", str(plan.path), "--map", "world", "--dsn", world.dsn, "--source", "robot"]
+    ran = CliRunner().invoke(commands(), [*base, *place])
+    assert ran.exit_code == 0, ran.output
+    ((lines, angle),) = world.rows(
+        "select count(*), avg(degrees(atan2(y2_m - y1_m, x2_m - x1_m))) from semap.line_observation"
+    )
+    assert lines == 8
+    assert abs(abs(angle) - 90 + np.degrees(0.5)) < 0.5

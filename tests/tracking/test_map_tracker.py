@@ -38,7 +38,14 @@ def numbers(states: list[TrackStates]) -> list[list[int]]:
 
 @pytest.mark.parametrize(
     ("seen_by", "score", "frames_needed"),
-    [(BOTH, 0.6, 2), (CAMERA, 0.6, 4), (LASER, 0.9, 4), (LASER, 0.6, None), (BOTH, 0.2, None)],
+    [
+        (BOTH, 0.95, 2),
+        (BOTH, 0.6, 4),
+        (CAMERA, 0.6, 4),
+        (LASER, 0.9, 19),
+        (LASER, 0.6, None),
+        (BOTH, 0.2, None),
+    ],
 )
 def test_who_stands_is_believed_after_so_many_frames(
     seen_by: int, score: float, frames_needed: int | None
@@ -47,6 +54,27 @@ def test_who_stands_is_believed_after_so_many_frames(
     told = [index for index, each in enumerate(states) if len(each)]
     assert (told[0] + 1 if told else None) == frames_needed
     assert told == list(range(told[0], len(states)) if told else [])
+
+
+@pytest.mark.parametrize("score", [0.85, 0.9, 0.95])
+def test_belief_takes_seconds_and_not_frames(score: float) -> None:
+    """Who stands before a laser is believed after about the same time at 5 to 40 Hz."""
+    times_s = []
+    for rate_hz in (5, 7.5, 15, 40):
+        frames = frames_of(
+            lambda _: [[1.0, 2.0]], 4.0, period_us=round(1e6 / rate_hz), seen_by=LASER, score=score
+        )
+        told = [frame.stamp_us for frame, each in zip(frames, tracked(frames), strict=True) if len(each)]
+        times_s.append(told[0] / 1e6)
+    assert max(times_s) - min(times_s) <= 0.25
+
+
+@pytest.mark.parametrize("rate_hz", [5, 40])
+def test_what_looks_a_little_like_a_leg_is_never_believed_however_long_it_stands(rate_hz: float) -> None:
+    frames = frames_of(
+        lambda _: [[1.0, 2.0]], 60.0, period_us=round(1e6 / rate_hz), seen_by=LASER, score=0.65
+    )
+    assert not any(numbers(tracked(frames)))
 
 
 def test_a_laser_believes_who_walks_before_who_stands() -> None:
@@ -75,13 +103,15 @@ def test_equal_to_one_filter_of_filterpy_for_one_person() -> None:
     first = 0.05**2 + walking.stance_std_m**2
     oracle.P = np.diag([first, first, walking.speed_std_mps**2, walking.speed_std_mps**2])
     states = tracked(frames)
+    within = walking.first_frames
     for before, frame, told in zip(frames, frames[1:], states[1:], strict=False):
         step_s = (frame.stamp_us - before.stamp_us) / 1e6
         noise = Q_continuous_white_noise(2, step_s, walking.acceleration_density, 2, order_by_dim=False)
         oracle.predict(F=np.kron([[1, step_s], [0, 1]], np.eye(2)), Q=noise)
         velocity = oracle.x[2:] / max(walking.full_stride_mps, np.linalg.norm(oracle.x[2:]))
         sway = walking.stance_std_m**2 * np.eye(2) + walking.sway_std_m**2 * velocity @ velocity.T
-        sway *= max(1.0, walking.sway_time_s / step_s)
+        within = 1.0 + within * max(0.0, 1.0 - step_s / walking.sway_time_s)
+        sway *= within
         oracle.update(frame.position_m[0][:, None], R=0.05**2 * np.eye(2) + sway)
         np.testing.assert_allclose(told.position_m[0], oracle.x[:2, 0], rtol=1e-9)
         np.testing.assert_allclose(told.velocity_mps[0], oracle.x[2:, 0], rtol=1e-9)
@@ -115,11 +145,9 @@ def test_who_is_hidden_for_a_while_goes_on_and_is_not_guessed_meanwhile() -> Non
 
 @pytest.mark.parametrize(("image_after", "track_after"), [(7, 1), (8, 2)])
 def test_after_longer_only_the_image_track_tells_who_it_is(image_after: int, track_after: int) -> None:
-    before = frames_of(lambda _: [[2.0, 0.0]], 2.0, image_track=7)
+    before = frames_of(lambda _: [[2.0, 0.0]], 2.0, hint=7)
     hidden = frames_of(lambda _: [], 2.2, start_us=before[-1].stamp_us + PERIOD_US)
-    after = frames_of(
-        lambda _: [[2.3, 0.0]], 1.0, start_us=hidden[-1].stamp_us + PERIOD_US, image_track=image_after
-    )
+    after = frames_of(lambda _: [[2.3, 0.0]], 1.0, start_us=hidden[-1].stamp_us + PERIOD_US, hint=image_after)
     states = tracked([*before, *hidden, *after])
     assert numbers(states)[-1] == [track_after]
 
@@ -150,7 +178,7 @@ def test_two_who_pass_closely_keep_their_numbers(period_us: int, with_images: bo
             lambda t: np.array([[1.2 * t, 0.0], [6.0 - 1.2 * t, 0.6]]) + random.normal(0, 0.05, (2, 2)),
             5.0,
             period_us,
-            image_track=[1, 2] if with_images else -1,
+            hint=[1, 2] if with_images else -1,
         )
         states = tracked(frames)
         assert states[-1].track.tolist() == [1, 2]
@@ -168,7 +196,7 @@ def test_two_who_are_one_detection_for_a_second_part_as_their_images_tell(side_m
         stamp_us, time_s = frame * PERIOD_US, frame * PERIOD_US / 1e6
         x, y = 0.8 * time_s, 0.8 * min(max(abs(time_s - 3.0) - 0.5, 0.0), 1.0)
         where, images = ([[x, y], [x, -y]], [1, 2]) if y else ([[x, side_m]], 1)
-        frames.append(detections(stamp_us, where, image_track=images))
+        frames.append(detections(stamp_us, where, hint=images))
     states = tracked(frames)
     first, last = states[1], states[-1]
     assert first.track.tolist() == last.track.tolist() == [1, 2]
@@ -200,7 +228,7 @@ def test_a_frame_that_is_not_newer_is_ignored_and_counted() -> None:
         ("position_m", np.array([[np.inf, 0.0]])),
         ("score", np.array([np.nan])),
         ("score", np.array([1.5])),
-        ("image_track", np.array([1, 2])),
+        ("hint", np.array([1, 2])),
     ],
 )
 def test_what_no_filter_can_take_is_refused_and_changes_nothing(field: str, value: np.ndarray) -> None:
@@ -266,7 +294,7 @@ def test_what_every_sequence_of_frames_keeps_to(seed: int, gaps: list[int]) -> N
             stamp_us,
             random.choice([0.0, 0.4, 0.9, 3.0], (random.integers(0, 5), 2)),
             score=0.9,
-            image_track=random.integers(-1, 4),
+            hint=random.integers(-1, 4),
         )
         told = tracker.step(frame)
         fresh = [number for number in told.track.tolist() if number not in last_us]
@@ -284,5 +312,7 @@ def test_what_every_sequence_of_frames_keeps_to(seed: int, gaps: list[int]) -> N
 
 
 def test_settings_of_a_role_are_used() -> None:
-    quick = MapTrackerSettings(initiation=replace(MapTrackerSettings().initiation, points=2))
-    assert numbers(tracked(frames_of(lambda _: [[0, 0]], 0.2), MapTracker(quick)))[0] == [1]
+    quick = MapTrackerSettings(existence=replace(MapTrackerSettings().existence, believed=0.7))
+    frames = frames_of(lambda _: [[0, 0]], 0.2, score=0.6)
+    assert numbers(tracked(frames)) == [[], [], []]
+    assert numbers(tracked(frames, MapTracker(quick)))[1:] == [[1], [1]]

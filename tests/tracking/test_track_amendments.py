@@ -21,15 +21,13 @@ def two_on_one(images: tuple[int, int] = (-1, -1), both_at: tuple[int, ...] = ()
 
     both_at  frames in which there are two detections nevertheless
     """
-    frames = [
-        detections(frame * PERIOD_US, [[0.0, 0.0], [0.5, 0.0]], image_track=images) for frame in range(20)
-    ]
+    frames = [detections(frame * PERIOD_US, [[0.0, 0.0], [0.5, 0.0]], hint=images) for frame in range(20)]
     for frame in range(20, 70):
         if frame in both_at:
-            frames.append(detections(frame * PERIOD_US, [[0.15, 0.0], [0.35, 0.0]], image_track=images))
+            frames.append(detections(frame * PERIOD_US, [[0.15, 0.0], [0.35, 0.0]], hint=images))
             continue
         side = frame % 2
-        frames.append(detections(frame * PERIOD_US, [[0.15 + 0.2 * side, 0.0]], image_track=images[side]))
+        frames.append(detections(frame * PERIOD_US, [[0.15 + 0.2 * side, 0.0]], hint=images[side]))
     return frames
 
 
@@ -56,10 +54,10 @@ def test_two_persons_are_not_merged(frames: list[Detections]) -> None:
 
 def hidden_for(seconds: float, image_after: int, away_m: float) -> list[Detections]:
     start_us = 30 * PERIOD_US + round(seconds * 1e6)
-    before = [detections(frame * PERIOD_US, [[1.0, 0.0]], image_track=7) for frame in range(31)]
+    before = [detections(frame * PERIOD_US, [[1.0, 0.0]], hint=7) for frame in range(31)]
     hidden = [detections(stamp, []) for stamp in range(31 * PERIOD_US, start_us, PERIOD_US)]
     after = [
-        detections(start_us + frame * PERIOD_US, [[1.0 + away_m, 0.0]], image_track=image_after)
+        detections(start_us + frame * PERIOD_US, [[1.0 + away_m, 0.0]], hint=image_after)
         for frame in range(20)
     ]
     return [*before, *hidden, *after]
@@ -95,11 +93,11 @@ def bounce(images_after: tuple[int, int], unseen_s: float = 0.6) -> list[Detecti
         if abs(time_s - 2.5) < unseen_s / 2:
             frames.append(detections(stamp_us, []))
         elif time_s < 2.5:
-            frames.append(detections(stamp_us, where, image_track=[1, 2]))
+            frames.append(detections(stamp_us, where, hint=[1, 2]))
         elif time_s < 3.2:
             frames.append(detections(stamp_us, where, seen_by=LASER))
         else:
-            frames.append(detections(stamp_us, where, image_track=images_after))
+            frames.append(detections(stamp_us, where, hint=images_after))
     return frames
 
 
@@ -122,7 +120,7 @@ def test_where_the_place_left_no_doubt_the_image_tracker_was_mistaken() -> None:
         detections(
             frame * PERIOD_US,
             [[0.8 * frame / 15, 0.0], [0.8 * frame / 15, 2.0]],
-            image_track=[1, 2] if frame < 40 else [2, 1],
+            hint=[1, 2] if frame < 40 else [2, 1],
         )
         for frame in range(90)
     ]
@@ -134,9 +132,7 @@ def test_where_the_place_left_no_doubt_the_image_tracker_was_mistaken() -> None:
 def test_images_that_swap_for_a_moment_say_nothing() -> None:
     frames = bounce(images_after=(1, 2))
     back = [
-        replace(frame, image_track=frame.image_track[::-1])
-        if frame.stamp_us > 3_700_000 and len(frame) == 2
-        else frame
+        replace(frame, hint=frame.hint[::-1]) if frame.stamp_us > 3_700_000 and len(frame) == 2 else frame
         for frame in frames
     ]
     assert amendments(tracked(back)) == []

@@ -61,7 +61,7 @@ def detections(
     std_m: float = 0.05,
     score: object = 0.95,
     seen_by: object = BOTH,
-    image_track: object = -1,
+    hint: object = -1,
     frame: str = "map",
 ) -> Detections:
     """A frame of equally exact detections; scalars hold for all."""
@@ -75,7 +75,7 @@ def detections(
         np.broadcast_to(np.asarray(score, np.float64), count).copy(),
         np.broadcast_to(np.asarray(seen_by, np.uint8), count).copy(),
         np.full((count, 2), np.nan),
-        np.broadcast_to(np.asarray(image_track, np.int64), count).copy(),
+        np.broadcast_to(np.asarray(hint, np.int64), count).copy(),
     )
 
 
@@ -87,7 +87,7 @@ def shuffled(frame: Detections, order: NDArray[np.int64]) -> Detections:
         score=frame.score[order],
         seen_by=frame.seen_by[order],
         extent_m=frame.extent_m[order],
-        image_track=frame.image_track[order],
+        hint=frame.hint[order],
     )
 
 

@@ -55,8 +55,11 @@ class Edge:
         self._static = placed.parent, parent_T_child
         self.parents = Counter((placed.parent,))
 
-    def insert(self, stamp_us: int, placed: Placed) -> bool:
-        """Whether it was kept; of two with one stamp the later said holds."""
+    def insert(self, stamp_us: int, placed: Placed, needed_us: int | None = None) -> bool:
+        """Whether it was kept; of two with one stamp the later said holds.
+
+        needed_us  what is kept reaches back to it at least
+        """
         if self._static is not None:
             return False
         place = bisect_left(self._stamps, stamp_us)
@@ -66,7 +69,9 @@ class Edge:
         self._poses.insert(place, placed)
         self.parents[placed.parent] += 1
         # One pose at or before the horizon stays, so that the whole of what is kept can be answered.
-        outdated = bisect_right(self._stamps, self._stamps[-1] - self._keep_us) - 1
+        horizon_us = self._stamps[-1] - self._keep_us
+        horizon_us = horizon_us if needed_us is None else min(horizon_us, needed_us)
+        outdated = bisect_right(self._stamps, horizon_us) - 1
         if outdated > 0:
             self._forget(slice(0, outdated))
         return place >= outdated

@@ -39,11 +39,13 @@ class Chain:
 class TransformBuffer:
     """Mutable: transforms go in, matrices come out.
 
-    keep_us  how far back from its newest transform each frame's place is remembered
+    keep_us    how far back from its newest transform each frame's place is remembered
+    needed_us  a stamp from which on it is remembered in any case
     """
 
     def __init__(self, keep_us: int = KEEP_US) -> None:
         self._keep_us = keep_us
+        self.needed_us: int | None = None
         self._edges: dict[str, Edge] = {}
         self._frames: set[str] = set()
         self._reparented: set[str] = set()
@@ -64,7 +66,7 @@ class TransformBuffer:
             edge.fix(placed)
             is_kept = True
         else:
-            is_kept = edge.insert(transform.stamp_us, placed)
+            is_kept = edge.insert(transform.stamp_us, placed, self.needed_us)
         if edge.parents.keys() != before:
             self._frames.update((parent, child))
             self._chains.clear()
@@ -90,6 +92,11 @@ class TransformBuffer:
         if isinstance(ancestor_T_parent, Missing):
             return ancestor_T_parent
         return inverse(ancestor_T_parent) @ ancestor_T_child if chain.of_parent else ancestor_T_child
+
+    def top_below(self, frame: str, end: str, stamp_us: int) -> str:
+        """The last on the way up from a frame, or the one before `end` where that is on it."""
+        way = self._ancestors(frame, stamp_us)
+        return way[way.index(end) - 1] if end in way[1:] else way[-1]
 
     def why_missing(self, parent: str, child: str, stamp_us: int) -> str:
         """Why `lookup` gives no matrix, for people."""

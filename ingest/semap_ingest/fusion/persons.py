@@ -165,5 +165,5 @@ def _joined(parts: list[Detections], stamp_us: int, frame: str) -> Detections:
         np.concatenate([part.score for part in parts])[kept],
         np.concatenate([part.seen_by for part in parts])[kept],
         np.concatenate([part.extent_m for part in parts])[kept],
-        np.concatenate([part.image_track for part in parts])[kept],
+        np.concatenate([part.hint for part in parts])[kept],
     )

@@ -20,6 +20,8 @@ MISSED_BY_CAMERA, MISSED_BEHIND_PERSON = 0.15, 0.6
 """How often an image detector misses a person in full view, and one whom a nearer person hides."""
 WAIST_M = 1.0
 SEEN_UP_TO_M = 10.0
+LEAST_SCORE = 0.1
+"""Of a leg: what is less goes on with no track, and what is little more begins none."""
 SAME_BODY_M = 0.3
 """So near to the middle of a body, two more legs are a coat, a bag or parts of the same legs."""
 
@@ -44,7 +46,7 @@ def find_persons(
     is_free[placed.source] = ~is_taken & ~_near(placed.position_m[:, :2], bodies_m)
     place_of = np.full(len(clusters) + 1, -1)
     place_of[placed.source] = np.arange(len(placed))
-    legs = place_of[pair_legs(clusters, is_free)]
+    legs = place_of[pair_legs(clusters, is_free, LEAST_SCORE)]
     is_pair = legs[:, 1] >= 0
     second = np.where(is_pair, legs[:, 1], legs[:, 0])
     position, covariance = placed.middle(legs[:, 0], second, 0.0)

@@ -3,21 +3,30 @@
 Each layout has two questions, asked of the evidence: `arrange` says in which order its decoder takes the
 outputs, or None where their shapes, types and names cannot be of that layout; `likely` weighs what else is
 known: how many cells the grids of an input of this size have, words in names, metadata that only some
-exporters write. Values are never looked at.
+exporters write, and whether the centres of boxes are counted in px or in cells.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import prod
+from typing import Any, Literal
 
-from semap_ingest.image.dense import PYRAMIDS, places, pyramid_of
+import numpy as np
+from numpy.typing import NDArray
+
+from semap_ingest.image.dense import DISTANCE_COLUMNS, PYRAMIDS, places, pyramid_of
 from semap_ingest.image.heads import DarknetHead
 from semap_ingest.image.tensor import Tensor
 
 MOST_QUERIES = 1000
 COCO_CLASSES = 80
+COCO_IDS = 91
+"""The numbers of COCO's categories reach to 90, with gaps, and 0 is none."""
+MOST_CELLS = 8.0
+"""So far from its own cell, in cells, may the centre of a box be at most."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,7 @@ class Evidence:
     outputs          with the shapes that they had in a first run
     class_count      of the names that were given or are in the metadata; None: there are none
     has_sizes_input  it asks for the image's size, to scale boxes by itself
+    arrays           the outputs of that run; empty where there was none
     """
 
     outputs: tuple[Tensor, ...]
@@ -34,6 +44,22 @@ class Evidence:
     class_count: int | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
     has_sizes_input: bool = False
+    arrays: Sequence[NDArray[Any]] = ()
+
+    @cached_property
+    def centre_unit(self) -> Literal["px", "cells"] | None:
+        """In what the first two numbers of the rows of the one list are counted; None: they do not tell.
+
+        Counted in px of the input, they reach all over it; counted from their own cell, they stay near 0.
+        """
+        if self.only_list is None or not self.arrays:
+            return None
+        centres = np.abs(self.arrays[0][0][:, :2].astype(np.float64))
+        told = centres[np.isfinite(centres).all(axis=1) & (centres > 0).any(axis=1)]
+        if len(told) < len(centres) / 2:
+            return None
+        reach = np.percentile(told, 90)
+        return "cells" if reach <= MOST_CELLS else "px"
 
     @property
     def only_list(self) -> tuple[int, int] | None:
@@ -100,6 +126,19 @@ def cell_rows_with(before_classes: int) -> Arrange:
         if sizes is None or not pyramid_of(sizes[0], evidence.input_px):
             return None
         return rows_with(before_classes)(evidence)
+
+    return arrange
+
+
+def distance_rows(strides: Sequence[int]) -> Arrange:
+    """(1, n, classes + 32): classes, then how far each side is, with a row for each cell of these strides."""
+
+    def arrange(evidence: Evidence) -> Arrangement | None:
+        sizes = evidence.only_list
+        if sizes is None or places(strides, evidence.input_px) != sizes[0]:
+            return None
+        class_count = sizes[1] - DISTANCE_COLUMNS
+        return Arrangement((0,), class_count) if evidence.allows(class_count) else None
 
     return arrange
 
@@ -182,6 +221,47 @@ def boxes_and_classes(evidence: Evidence) -> Arrangement | None:
     return None
 
 
+def boxes_and_ids(evidence: Evidence) -> Arrangement | None:
+    """Boxes (1, n, 4) and (1, n, classes), with a place more than there are names, or for each COCO id.
+
+    A segmentation model adds masks, which nobody here wants.
+    """
+    outputs = [i for i, output in enumerate(evidence.outputs) if "mask" not in output.name.lower()]
+    for boxes, classes in (outputs, outputs[::-1]) if len(outputs) == 2 else ():
+        box, score = evidence.outputs[boxes].sizes, evidence.outputs[classes].sizes
+        if len(score) != 3 or box != (1, score[1], 4) or _says(evidence, classes, "det", "box"):
+            continue
+        if score[2] == COCO_IDS or evidence.class_count in (score[2], score[2] - 1):
+            return Arrangement((boxes, classes), score[2])
+    return None
+
+
+def corners_score_and_labels(evidence: Evidence) -> Arrangement | None:
+    """(1, n, 5) and whole numbers (1, n), perhaps with masks."""
+    outputs = [i for i, output in enumerate(evidence.outputs) if "mask" not in output.name.lower()]
+    for rows, labels in (outputs, outputs[::-1]) if len(outputs) == 2 else ():
+        row, label = evidence.outputs[rows], evidence.outputs[labels]
+        if label.type.startswith("int") and len(label.sizes) == 2 and row.sizes == (1, label.sizes[1], 5):
+            return Arrangement((rows, labels), evidence.class_count)
+    return None
+
+
+def tensorflow_lists(evidence: Evidence) -> Arrangement | None:
+    """detection_boxes (1, n, 4), detection_scores and detection_classes (1, n), beside anything else."""
+    roles = ("detection_boxes", "detection_scores", "detection_classes")
+    by_name = {output.name.partition(":")[0]: i for i, output in enumerate(evidence.outputs)}
+    if not by_name.keys() >= set(roles):
+        return None
+    order = tuple(by_name[role] for role in roles)
+    if not _one_for_each_box([evidence.outputs[i] for i in order]):
+        return None
+    return Arrangement(order, evidence.class_count or COCO_IDS - 1)
+
+
+def _says(evidence: Evidence, output: int, *words: str) -> bool:
+    return any(word in evidence.outputs[output].name.lower() for word in words)
+
+
 def named(*words: Sequence[str], asks_for_sizes: bool = False) -> Arrange:
     """One output for each of `words`, with one of them in its name, of as many things as there are boxes.
 
@@ -228,13 +308,15 @@ def boxes_scores_selected(evidence: Evidence) -> Arrangement | None:
 def likely_rows(before_classes: int, *anchors: int, or_long: bool = False) -> Likely:
     """A list of so many `anchors` for each cell; `or_long`: or one of no grid that is too long for queries.
 
-    84 and 85 columns are those of COCO, where no class names are known, or one too many or too few.
+    84, 85 and 112 columns are those of COCO, where no class names are known, or one too many or too few.
     """
 
     def likely(evidence: Evidence) -> bool:
         count, columns = evidence.only_list or (0, 0)
         may_be_coco = evidence.class_count in (None, COCO_CLASSES - 1, COCO_CLASSES + 1)
-        is_coco = may_be_coco and columns in (COCO_CLASSES + 4, COCO_CLASSES + 5)
+        is_coco = may_be_coco and columns - COCO_CLASSES in (4, 5, DISTANCE_COLUMNS)
+        if evidence.centre_unit == "cells":
+            return False
         if evidence.is_rtdetr or (is_coco and columns != COCO_CLASSES + before_classes):
             return False
         per_cell = evidence.anchors_per_cell(count)
@@ -243,9 +325,23 @@ def likely_rows(before_classes: int, *anchors: int, or_long: bool = False) -> Li
     return likely
 
 
-def likely_yolox(evidence: Evidence) -> bool:
-    """YOLOX's exporter writes no metadata."""
-    return likely_rows(5, 1)(evidence) and not {"names", "stride"} & set(evidence.metadata)
+def likely_cells(evidence: Evidence) -> bool:
+    """Whatever the metadata say: people write the names of classes into any model."""
+    if evidence.centre_unit is not None:
+        return evidence.centre_unit == "cells"
+    return likely_rows(5, 1)(evidence)
+
+
+def likely_distances(evidence: Evidence) -> bool:
+    """COCO's classes, those that are named, or just one; and the classes come first, from 0 to 1."""
+    _, columns = evidence.only_list or (0, 0)
+    is_usual = columns - DISTANCE_COLUMNS in (1, COCO_CLASSES)
+    return (evidence.class_count is not None or is_usual) and evidence.centre_unit != "px"
+
+
+def never(_: Evidence) -> bool:
+    """Only where it is named."""
+    return False
 
 
 def likely_columns(evidence: Evidence) -> bool:
@@ -287,9 +383,15 @@ def likely_queries(words: Sequence[str], others: Sequence[str]) -> Likely:
         count = evidence.outputs[0].sizes[1]
         short = count <= MOST_QUERIES and evidence.anchors_per_cell(count) != 3
         flat = all(len(output.sizes) == 3 for output in evidence.outputs)
-        return short and flat and (says_so or not says_otherwise)
+        return short and flat and (says_so or not says_otherwise) and not likely_ids(evidence)
 
     return likely
+
+
+def likely_ids(evidence: Evidence) -> bool:
+    """Its outputs are called as RF-DETR's, or it numbers classes as COCO's categories."""
+    names = {output.name for output in evidence.outputs}
+    return {"dets", "labels"} <= names or any(output.sizes[-1:] == (COCO_IDS,) for output in evidence.outputs)
 
 
 def likely_stride_16(evidence: Evidence) -> bool:

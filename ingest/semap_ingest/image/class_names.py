@@ -23,6 +23,19 @@ laptop, mouse, remote, keyboard, cell phone, microwave, oven, toaster, sink, ref
 scissors, teddy bear, hair drier, toothbrush
 """
 COCO = tuple(name.strip() for name in COCO_TEXT.split(","))
+COCO_GAPS = frozenset((12, 26, 29, 30, 45, 66, 68, 69, 71, 83))
+"""Ids of categories of COCO that were never used; the 80 have the others up to 90."""
+
+
+def _by_id() -> tuple[str, ...]:
+    """91 names: that of each id, and the id itself where there is none."""
+    ids = [number for number in range(1, 91) if number not in COCO_GAPS]
+    named = dict(zip(ids, COCO, strict=True))
+    return tuple(named.get(number, str(number)) for number in range(91))
+
+
+USUAL = {len(names): names for names in (COCO, _by_id(), _by_id()[1:])}
+"""By how many classes a model has: COCO's 80, its ids, and its ids from 1."""
 
 
 @dataclass(frozen=True)

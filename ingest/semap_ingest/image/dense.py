@@ -5,10 +5,11 @@ Every decoder takes the outputs in the order that its layout's arrangement says,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from semap_ingest.image.candidates import (
     Candidates,
@@ -23,6 +24,10 @@ from semap_ingest.image.candidates import (
 
 # Strides that detectors have had: P3 to P5, with P6, with P2; of tiny ones two or one.
 PYRAMIDS = ((8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32), (16, 32), (8, 16), (8,), (16,), (32,))
+
+REACH = 8
+"""The sides of a box may be up to so many strides less one away: NanoDet's reg_max is 7."""
+DISTANCE_COLUMNS = 4 * REACH
 
 
 def places(strides: Sequence[int], input_px: tuple[int, int]) -> int:
@@ -68,6 +73,26 @@ def decode_cell_rows(outputs: Outputs, choice: Choice) -> Candidates:
     size = np.exp(raw[:, 2:]) * stride[:, None]
     centre = (raw[:, :2] + cell) * stride[:, None]
     return best.boxed(corners_around(np.hstack([centre, size])))
+
+
+def decode_distances(strides: Sequence[int], offset: float) -> Callable[[Outputs, Choice], Candidates]:
+    """A decoder of (1, n, classes + 4 * 8): NanoDet, whose cells start at `offset` cells.
+
+    The distance to a side is the mean of 0 to 7 strides under the softmax of eight numbers, for left, top,
+    right and bottom (generalised focal loss, Li et al. 2020).
+    """
+
+    def decode(outputs: Outputs, choice: Choice) -> Candidates:
+        rows = outputs[0][0]
+        class_count = rows.shape[1] - DISTANCE_COLUMNS
+        best = best_classes(rows[:, :class_count].T, choice)
+        cell, stride = _cells(best.rows, strides, choice.input_px)
+        raw = rows[best.rows, class_count:].astype(np.float64).reshape(-1, 4, REACH)
+        distance = (softmax(raw, axis=2) @ np.arange(REACH)) * stride[:, None]
+        centre = (cell + offset) * stride[:, None]
+        return best.boxed(np.hstack([centre - distance[:, :2], centre + distance[:, 2:]]))
+
+    return decode
 
 
 def decode_boxes_and_confidences(outputs: Outputs, choice: Choice) -> Candidates:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from semap.errors import InvalidInput
 from semap_ingest.image.arrangement import Evidence
 from semap_ingest.image.candidates import Candidates, Choice
-from semap_ingest.image.class_names import COCO, ClassNames, given_names, names_in
+from semap_ingest.image.class_names import USUAL, ClassNames, given_names, names_in
 from semap_ingest.image.input_form import InputForm, prepare
 from semap_ingest.image.layout import Layout
 from semap_ingest.image.letterbox import Letterbox
 from semap_ingest.image.model_file import CPU, ModelFile
-from semap_ingest.image.recognition import recognise
+from semap_ingest.image.recognition import fitting, recognise
 from semap_ingest.image.suppression import suppress
 from semap_ingest.image.tensor import ImageInput
 from semap_ingest.sensing.boxes import Boxes
@@ -31,7 +31,8 @@ LEAST_REACH_PX = 2.0
 class ImageDetector:
     """A model with all that is known of it; made by `open`.
 
-    order  which outputs the layout's decoder takes
+    order    which outputs the layout's decoder takes
+    fitting  names of all layouts that its outputs may have, be it likely or not
     """
 
     model: ModelFile
@@ -42,6 +43,7 @@ class ImageDetector:
     names: ClassNames
     choice: Choice
     max_overlap: float
+    fitting: tuple[str, ...] = ()
 
     @classmethod
     def open(
@@ -62,7 +64,7 @@ class ImageDetector:
 
         layout       one of `LAYOUTS`, or one of your own; recognised where None
         class_names  a list, or a file with one name in a line; where None those in the model's metadata,
-                     COCO's for 80 classes, else the classes' numbers
+                     COCO's for 80, 90 and 91 classes, else the classes' numbers
         wanted       names of the classes to find; None: all
         max_overlap  of two boxes of one class that stay [IoU]
         form         of the input, where the model is not fed as others of its layout
@@ -77,18 +79,18 @@ class ImageDetector:
         model = ModelFile.open(Path(path), providers, threads)
         image_input = model.image_input(size_px)
         names = given_names(class_names) or names_in(model.metadata)
-        outputs = model.measured(_run_on_grey(model, image_input))
+        arrays = _run_on_grey(model, image_input)
+        outputs = model.measured(arrays)
         evidence = Evidence(
             outputs,
             image_input.size_px,
             len(names) if names else None,
             model.metadata,
             image_input.sizes_input is not None,
+            arrays,
         )
         known, arrangement = recognise(evidence, model.described(outputs), layout, model.where)
-        if names is None and arrangement.class_count == len(COCO):
-            names = COCO
-        called = ClassNames(names)
+        called = ClassNames(names or USUAL.get(arrangement.class_count or 0))
         numbers = None if wanted is None else _numbers(called, wanted, arrangement.class_count, model.where)
         return cls(
             model,
@@ -99,6 +101,7 @@ class ImageDetector:
             called,
             Choice(numbers, arrangement.class_count, min_score, image_input.size_px),
             max_overlap,
+            fitting(evidence),
         )
 
     def detect(self, image: Image) -> Boxes:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from semap_ingest.image import arrangement as shape
 from semap_ingest.image import dense, heads, queries, suppressed
 from semap_ingest.image.arrangement import Arrange, Likely, always
 from semap_ingest.image.candidates import Candidates, Choice, Outputs
 from semap_ingest.image.heads import DarknetDecoder, DarknetHead
-from semap_ingest.image.input_form import InputForm
+from semap_ingest.image.input_form import IMAGENET_MEAN, IMAGENET_STD, InputForm
 
 Decode = Callable[[Outputs, Choice], Candidates]
 
@@ -18,6 +18,10 @@ CENTRED = InputForm()
 STRETCHED = InputForm(fit="stretch")
 STRETCHED_BGR = InputForm(fit="stretch", colours="bgr")
 MEGVII = InputForm(fit="corner", colours="bgr", full_scale=1.0)
+IMAGENET = InputForm(fit="stretch", mean=IMAGENET_MEAN, std=IMAGENET_STD)
+IMAGENET_BGR = replace(IMAGENET, colours="bgr")
+IMAGENET_CORNER = replace(IMAGENET, fit="corner")
+RAW = InputForm(fit="stretch", full_scale=1.0)
 
 LOGITS = ("logit",)
 SCORES = ("score", "conf", "prob")
@@ -66,8 +70,24 @@ ROWS = (
         shape.likely_rows(4, 1, or_long=True),
         dense.decode_class_rows,
     ),
-    Layout("yolox", MEGVII, shape.cell_rows_with(5), shape.likely_yolox, dense.decode_cell_rows),
-    Layout("yolox-decoded", MEGVII, shape.rows_with(5), shape.likely_yolox, dense.decode_objectness_rows),
+    Layout("yolox", MEGVII, shape.cell_rows_with(5), shape.likely_cells, dense.decode_cell_rows),
+    Layout(
+        "yolox-decoded", MEGVII, shape.rows_with(5), shape.likely_rows(5, 1), dense.decode_objectness_rows
+    ),
+    Layout(
+        "nanodet-plus",
+        IMAGENET_BGR,
+        shape.distance_rows((8, 16, 32, 64)),
+        shape.likely_distances,
+        dense.decode_distances((8, 16, 32, 64), 0.0),
+    ),
+    Layout(
+        "nanodet",  # before "plus"
+        replace(IMAGENET_BGR, fit="centre", padding=0),
+        shape.distance_rows((8, 16, 32)),
+        shape.likely_distances,
+        dense.decode_distances((8, 16, 32), 0.5),
+    ),
     Layout(
         "yolov4",  # and yolov4-tiny, with boxes and confidences
         STRETCHED,
@@ -103,6 +123,14 @@ ROWS = (
         overlapping=False,
     ),
     Layout(
+        "rf-detr",
+        IMAGENET,
+        shape.boxes_and_ids,
+        shape.likely_ids,
+        queries.decode_boxes_and_logits,
+        overlapping=False,
+    ),
+    Layout(
         "rtdetr",  # with labels, boxes and scores, and an input for the image's size
         STRETCHED,
         shape.named(("box",), SCORES, ("label", "class"), asks_for_sizes=True),
@@ -117,6 +145,29 @@ ROWS = (
         always,
         suppressed.decode_boxes_scores_classes,
         overlapping=False,
+    ),
+    Layout(
+        "tf-ssd",  # and all of TensorFlow's object detection
+        RAW,
+        shape.tensorflow_lists,
+        always,
+        suppressed.decode_tensorflow,
+        overlapping=False,
+    ),
+    *(
+        Layout(
+            name,
+            form,
+            shape.corners_score_and_labels,
+            always if name == "mmdet" else shape.never,
+            suppressed.decode_corners_score_labels,
+            overlapping=False,
+        )
+        for name, form in (
+            ("mmdet", IMAGENET_CORNER),
+            ("mmdet-rtmdet", replace(IMAGENET_CORNER, colours="bgr")),
+            ("mmdet-yolox", MEGVII),
+        )
     ),
     Layout(
         "counted",

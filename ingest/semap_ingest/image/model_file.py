@@ -61,7 +61,9 @@ class ModelFile:
         raises   InvalidInput where there is no such file or provider, or onnxruntime cannot run the model
         """
         if not path.is_file():
-            raise InvalidInput(f"there is no file {path}", "Check the path.")
+            raise InvalidInput(
+                f"there is no file {path}", "Check the path; those that were added: semap detector list"
+            )
         if threads < 1:
             raise InvalidInput(f"{threads} threads cannot work", "Give at least 1.")
         _require_known(providers)

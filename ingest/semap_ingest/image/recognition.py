@@ -7,6 +7,25 @@ from semap_ingest.image.arrangement import Arrangement, Evidence
 from semap_ingest.image.layout import LAYOUTS, Layout
 
 
+class Ambiguous(InvalidInput):
+    """layouts  which it may be"""
+
+    def __init__(self, layouts: tuple[str, ...], found: str, where: str) -> None:
+        super().__init__(
+            f"its outputs have an ambiguous layout, which may be {', '.join(layouts)}; it has {found}",
+            f"Name the one that it was exported with: --camera-layout {layouts[0]}; its classes in a file,"
+            " one in each line, may settle it too: --camera-classes FILE. What each finds in a picture:"
+            f" semap detector add {where}",
+            where,
+        )
+        self.layouts = layouts
+
+
+def fitting(evidence: Evidence) -> tuple[str, ...]:
+    """All layouts that its outputs may have, be it likely or not."""
+    return tuple(each.name for each in LAYOUTS.values() if each.arrange(evidence) is not None)
+
+
 def recognise(
     evidence: Evidence, found: str, layout: str | Layout | None, where: str
 ) -> tuple[Layout, Arrangement]:
@@ -18,24 +37,18 @@ def recognise(
     """
     if layout is not None:
         return _as_named(evidence, found, layout, where)
-    fitting = [(each, fits) for each in LAYOUTS.values() if (fits := each.arrange(evidence)) is not None]
-    if not fitting:
+    possible = [(each, fits) for each in LAYOUTS.values() if (fits := each.arrange(evidence)) is not None]
+    if not possible:
         raise InvalidInput(
             f"{_what_it_is(evidence)}; it has {found}{_names_said(evidence)}",
             f"Give a person detector with one of these outputs: {', '.join(LAYOUTS)}."
             " Where its metadata name other classes than it has, name them: --camera-classes FILE.",
             where,
         )
-    likely = [(each, fits) for each, fits in fitting if each.likely(evidence)]
+    likely = [(each, fits) for each, fits in possible if each.likely(evidence)]
     if len(likely) == 1:
         return likely[0]
-    names = [each.name for each, _ in likely or fitting]
-    raise InvalidInput(
-        f"its outputs have an ambiguous layout, which may be {', '.join(names)}; it has {found}",
-        f"Name the one that it was exported with: --camera-layout {names[0]}; its classes in a file, one in"
-        " each line, may settle it too: --camera-classes FILE.",
-        where,
-    )
+    raise Ambiguous(tuple(each.name for each, _ in likely or possible), found, where)
 
 
 def _as_named(evidence: Evidence, found: str, layout: str | Layout, where: str) -> tuple[Layout, Arrangement]:

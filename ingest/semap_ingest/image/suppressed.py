@@ -1,4 +1,4 @@
-"""Decoders of models that have done their own suppression; all corners in px of the input."""
+"""Decoders of models that do their own suppression; corners in px of the input unless said otherwise."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semap_ingest.image.candidates import Candidates, Choice, Numbers, Outputs, corners_around
+from semap_ingest.image.candidates import (
+    Candidates,
+    Choice,
+    Numbers,
+    Outputs,
+    corners_around,
+    corners_of_input,
+)
 
 
 def decode_boxes_scores_classes(outputs: Outputs, choice: Choice) -> Candidates:
@@ -31,6 +38,18 @@ def decode_score_class_rows(outputs: Outputs, choice: Choice) -> Candidates:
     """(1, n, 6): corners, score, class. YOLOv10, and YOLO exports with suppression of their own."""
     rows = outputs[0][0]
     return _wanted(rows[:, :4], rows[:, 4], rows[:, 5], choice)
+
+
+def decode_corners_score_labels(outputs: Outputs, choice: Choice) -> Candidates:
+    """(1, n, 5): corners, score; and classes (1, n). MMDetection, exported by itself or by MMDeploy."""
+    rows = outputs[0][0]
+    return _wanted(rows[:, :4], rows[:, 4], outputs[1].ravel(), choice)
+
+
+def decode_tensorflow(outputs: Outputs, choice: Choice) -> Candidates:
+    """Corners (1, n, 4) y_min, x_min, y_max, x_max from 0 to 1, scores (1, n), classes (1, n) from 1."""
+    corners = _swapped(outputs[0].reshape(-1, 4)) * corners_of_input(choice)
+    return _wanted(corners, outputs[1].ravel(), outputs[2].ravel() - 1, choice)
 
 
 def decode_batch_class_score_rows(outputs: Outputs, choice: Choice) -> Candidates:

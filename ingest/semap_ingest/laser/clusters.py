@@ -26,13 +26,15 @@ class ClusterSettings:
     jump_m      points further apart do not belong together
     jump_beams  the jump allowed grows with range to this many times the distance of neighbouring beams
     gap_rad     of empty beams inside a cluster, at most
-    min_points  clusters of fewer points are left out
+    min_points  clusters of fewer points are left out,
+    coarse_m    but for one less where beams are farther apart than this: a leg has no room for more
     """
 
     jump_m: float = 0.13
     jump_beams: float = 2.0
     gap_rad: float = 0.025
     min_points: int = 3
+    coarse_m: float = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ def find_clusters(scan: Scan, settings: ClusterSettings = ClusterSettings()) -> 
     """Cut a scan where its points jump. A scan without returns gives no clusters."""
     beam = beams_that_hit(scan)
     range_m = scan.ranges_m[beam].astype(np.float64)
-    angle_rad = scan.angle_min_rad + scan.angle_step_rad * beam
+    angle_rad = scan.angles_rad[beam]
     points = range_m[:, None] * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
     step_rad = abs(scan.angle_step_rad)
 
@@ -116,5 +118,7 @@ def find_clusters(scan: Scan, settings: ClusterSettings = ClusterSettings()) -> 
 
     bounds = np.concatenate([[0], np.flatnonzero(is_cut) + 1, [len(beam)]]).astype(np.int64)
     first, stop = bounds[:-1], bounds[1:]
-    is_kept = stop - first >= max(settings.min_points, 1)
+    is_coarse = np.append(range_m, 0.0)[first] * step_rad > settings.coarse_m
+    least = settings.min_points - is_coarse
+    is_kept = stop - first >= np.maximum(least, 1)
     return ScanClusters(points, range_m, beam, first[is_kept], stop[is_kept])

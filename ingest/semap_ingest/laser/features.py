@@ -1,13 +1,15 @@
 """What a cluster of a scan looks like: the numbers that a leg is told by.
 
 Sources: [A] Arras, Mozos, Burgard, "Using boosted features for the detection of people in 2D range data",
-ICRA 2007 (without its speed, which needs a second scan); [L] Leigh, Pineau, Olmedo, Zhang, "Person tracking
-and following with 2D laser scanners", ICRA 2015; [X] Xavier, Pacheco, Castro, Ruano, Nunes, "Fast line,
-arc/circle and leg detection from laser scan data in a player driver", ICRA 2005. The others say in a robust
-way what a leg looks like that is hit by three to five beams.
+ICRA 2007 (without its speed, which needs a second scan, and with means in place of its sums); [L] Leigh,
+Pineau, Olmedo, Zhang, "Person tracking and following with 2D laser scanners", ICRA 2015; [X] Xavier, Pacheco,
+Castro, Ruano, Nunes, "Fast line, arc/circle and leg detection from laser scan data in a player driver", ICRA
+2005. The others say in a robust way what a leg looks like that is hit by few beams, and what stands around.
+None of them counts beams: the same leg has about the same values whatever the resolution, and `spacing_m`
+says how well they are known.
 
-A jump is never told longer than JUMP_REACH_M, nor the nearest cluster farther than NEAREST_REACH_M, and where
-there is none these are the values: a leg must not be told by the room behind it. All values are finite.
+A jump is never told longer than JUMP_REACH_M, nor anything around farther than AROUND_M, and where there is
+none these are the values: a leg must not be told by the room behind it. All values are finite.
 """
 
 from __future__ import annotations
@@ -21,19 +23,24 @@ from semap_ingest.sensing.scan import Scan
 
 JUMP_REACH_M = 0.3
 NEAREST_REACH_M = 1.0
+AROUND_M = 1.0
+CROWDED_M = (0.3, 0.6, 1.0)
+FACE_M = 0.25
+"""So far behind the middle of a cluster is still beside it."""
+WALL_M = 0.6
+NARROW_WITHIN_M = (1.0, 2.0)
+BLOCK = 1024
+"""So many clusters at once, so that memory stays small whatever comes."""
 MAX_RADIUS_M = 2.0
 LEG_WIDTHS_M = (0.02, 0.35)
 LEAST_M = 1e-3
 
 FEATURES = (
-    "points",  # [A]
     "std_m",  # [A] from the centroid
     "median_deviation_m",  # [A] mean distance to the median
     "jump_before_m",  # [A] to the return clockwise of it
     "jump_after_m",  # [A] to the return counter-clockwise of it
     "width_m",  # [A] first to last point
-    "linearity_m2",  # [A] squared residuals of a line
-    "circularity_m2",  # [A] squared residuals of a circle
     "radius_m",  # [A] of that circle
     "boundary_m",  # [A] length along the points
     "regularity_m",  # [A] standard deviation of the distances of neighbouring points
@@ -42,11 +49,10 @@ FEATURES = (
     "inscribed_rad",  # [X] mean angle under which a point sees the first and the last
     "inscribed_std_rad",  # [X]
     "distance_m",  # [L] of the median from the laser
-    "distance_per_point_m",  # [L]
     "occluded_before",  # [L] something nearer stands clockwise of it, or the scan ends
     "occluded_after",  # [L]
-    "line_rms_m",
-    "circle_rms_m",
+    "line_rms_m",  # [A] residual of a line
+    "circle_rms_m",  # [A] of a circle
     "bulge_m",  # how far the middle is nearer to the laser than the ends
     "depth_m",  # farthest less nearest range
     "nearest_m",  # to the nearest cluster of a leg's width, centre to centre
@@ -56,6 +62,17 @@ FEATURES = (
     "across_m",  # width as seen from the laser
     "slant",  # how much farther one end is than the other, by the width
     "bulge_per_across",
+    "gap_before_m",  # how much farther the next return clockwise is, or nearer
+    "gap_after_m",
+    "alone_m",  # to the nearest other return
+    "alone_beside_m",  # to the nearest that is not behind it
+    "crowd_0_m",  # length of what else was met within CROWDED_M
+    "crowd_1_m",
+    "crowd_2_m",
+    "narrow_1",  # clusters of a leg's width within NARROW_WITHIN_M
+    "narrow_2",
+    "wall_off_m",  # from the line through what is around
+    "wall_spread",  # how little that is a line
 )
 
 Values = NDArray[np.float64]
@@ -83,18 +100,14 @@ def describe(scan: Scan, clusters: ScanClusters) -> NDArray[np.float32]:
     spacing = distance * abs(scan.angle_step_rad)
     across, slant = _silhouette(scan, clusters, width)
     columns = [
-        count,
         np.sqrt(spread / np.maximum(count - 1, 1)),
         median_deviation,
         *jumps,
         width,
-        line,
-        circle,
         radius,
         *_boundary(clusters),
         *_inscribed(clusters, points),
         distance,
-        distance / count,
         *occluded,
         np.sqrt(line / count),
         np.sqrt(circle / count),
@@ -107,6 +120,7 @@ def describe(scan: Scan, clusters: ScanClusters) -> NDArray[np.float32]:
         across,
         slant,
         bulge / np.maximum(across, LEAST_M),
+        *_around(scan, clusters, centroid, width),
     ]
     return np.column_stack(columns).astype(np.float32)
 
@@ -235,3 +249,72 @@ def _silhouette(scan: Scan, clusters: ScanClusters, width: Values) -> tuple[Valu
     before, after = clusters.range_m[clusters.first], clusters.range_m[clusters.stop - 1]
     across = (before + after) * np.sin(np.minimum(beams * abs(scan.angle_step_rad), np.pi) / 2)
     return across, np.abs(after - before) / np.maximum(width, LEAST_M)
+
+
+def _around(scan: Scan, clusters: ScanClusters, centroid: Values, width: Values) -> list[Values]:
+    """What is met around each cluster (each (n,)), in the order of FEATURES."""
+    last = len(clusters.points_m) - 1
+    before, after = np.maximum(clusters.first - 1, 0), np.minimum(clusters.stop, last)
+    gap_before = clusters.range_m[before] - clusters.range_m[clusters.first]
+    gap_after = clusters.range_m[after] - clusters.range_m[clusters.stop - 1]
+    is_narrow = (width >= LEG_WIDTHS_M[0]) & (width <= LEG_WIDTHS_M[1])
+    legs = cKDTree(centroid[is_narrow]) if is_narrow.any() else None
+    narrow = [
+        (0 if legs is None else legs.query_ball_point(centroid, reach_m, return_length=True)) - is_narrow
+        for reach_m in NARROW_WITHIN_M
+    ]
+    tree = cKDTree(clusters.points_m)
+    blocks = [
+        _met_around(scan, clusters, tree, centroid, width, rows)
+        for rows in np.split(np.arange(len(clusters)), range(BLOCK, len(clusters), BLOCK))
+    ]
+    alone, beside, *crowds, off, spread = np.concatenate(blocks, axis=1)
+    gaps = [np.clip(each, -AROUND_M, AROUND_M) for each in (gap_before, gap_after)]
+    return [*gaps, alone, beside, *crowds, *narrow, off, spread]
+
+
+def _met_around(
+    scan: Scan,
+    clusters: ScanClusters,
+    tree: cKDTree,
+    centroid: Values,
+    width: Values,
+    rows: NDArray[np.int64],
+) -> Values:
+    """(7, rows): to the nearest other return, and the nearest beside; the crowds; the wall."""
+    found = tree.query_ball_point(centroid[rows], AROUND_M + width[rows] / 2)
+    row = np.repeat(np.arange(len(rows)), [len(each) for each in found])
+    point = np.concatenate([np.asarray(each, np.int64) for each in found])
+    is_other = (point < clusters.first[rows][row]) | (point >= clusters.stop[rows][row])
+    row, point = row[is_other], point[is_other]
+    away = centroid[rows] / np.maximum(np.hypot(*centroid[rows].T), LEAST_M)[:, None]
+    offset = clusters.points_m[point] - centroid[rows][row]
+    reach = np.maximum(np.hypot(*offset.T) - width[rows][row] / 2, 0)
+    alone, beside = np.full((2, len(rows)), AROUND_M)
+    np.minimum.at(alone, row, reach)
+    is_beside = np.einsum("ij,ij->i", offset, away[row]) < FACE_M
+    np.minimum.at(beside, row[is_beside], reach[is_beside])
+    spacing = clusters.range_m[point] * abs(scan.angle_step_rad)
+    crowds = [np.bincount(row, spacing * (reach < within), len(rows)) for within in CROWDED_M]
+    is_wall = reach < WALL_M
+    return np.array([alone, beside, *crowds, *_wall(row[is_wall], offset[is_wall], len(rows))])
+
+
+def _wall(row: NDArray[np.int64], offset: Values, rows: int) -> tuple[Values, Values]:
+    """How far the origin is from the line through points, and how wide they lie about it, by their length.
+
+    row, offset  (p,), (p, 2) of which row each point is, and where
+    Each (rows,); both are 1 where there are fewer than three points.
+    """
+    count = np.bincount(row, minlength=rows)
+    x, y = offset.T
+    mean_x, mean_y, xx, yy, xy = (
+        np.bincount(row, each, rows) / np.maximum(count, 1) for each in (x, y, x * x, y * y, x * y)
+    )
+    xx, yy, xy = xx - mean_x**2, yy - mean_y**2, xy - mean_x * mean_y
+    turn = np.arctan2(2 * xy, xx - yy) / 2
+    off = np.abs(mean_y * np.cos(turn) - mean_x * np.sin(turn))
+    middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    spread = np.sqrt(np.maximum(middle - half, 0) / np.maximum(middle + half, LEAST_M**2))
+    is_line = count >= 3
+    return np.where(is_line, np.minimum(off, AROUND_M), AROUND_M), np.where(is_line, spread, 1.0)

@@ -1,8 +1,9 @@
 """What stands where it is: posts, legs of tables, edges of open leaves. They look like legs in a single scan.
 
-A cluster that is found at the same place of the map again and again, and that no camera takes for a person,
-is a thing. People stand still too: one whom the camera does not see is taken for a thing after `after_us`,
-until it moves; one whom it sees never is.
+A cluster that is found at the same place of the map again and again, that does not look like a leg on the
+mean over that time, and where nobody is known to be, is a thing. People stand still too: neither one whom a
+track is believed to be, nor a cluster that looks like a leg for seconds, is one. Where a thing was is
+remembered while something hides it.
 
 No clock, no I/O: the stamps of scans alone.
 """
@@ -24,16 +25,18 @@ class Standing:
     """What makes a cluster a thing.
 
     same_m      no farther than this from where it was: the same
-    person_m    nearer than this to a person whom a camera sees: perhaps its leg, so it tells nothing
+    person_m    nearer than this to a known person: perhaps its leg, so it tells nothing
     after_us    so long it must have been there
-    hits        and so often it must have been found
+    leg_score   on the mean it looks less than this like a leg
+    memory_us   over so long that is a mean
     forgotten_us  so long it must not have been found to be gone
     """
 
     same_m: float = 0.12
     person_m: float = 0.5
     after_us: int = 3_000_000
-    hits: int = 20
+    leg_score: float = 0.5
+    memory_us: int = 5_000_000
     forgotten_us: int = 2_000_000
 
 
@@ -43,14 +46,14 @@ def centres_on_map(clusters: LegClusters, map_T_laser: NDArray[np.float64]) -> N
 
 
 class StandingThings:
-    """Mutable: places at which something was found, with when and how often."""
+    """Mutable: places at which something was found, since when, and how much like a leg it looked."""
 
     def __init__(self, settings: Standing | None = None) -> None:
         self._settings = settings or Standing()
         self._place_m = np.zeros((0, 2))
         self._first_us = np.zeros(0, np.int64)
         self._last_us = np.zeros(0, np.int64)
-        self._hits = np.zeros(0, np.int64)
+        self._score = np.zeros(0)
 
     def without(self, clusters: LegClusters, map_T_laser: NDArray[np.float64]) -> LegClusters:
         """The clusters of a scan that are no things, as far as is known by now."""
@@ -69,30 +72,37 @@ class StandingThings:
 
         centre_m  (n, 2) [m, map]
         """
-        is_thing = (self._hits >= self._settings.hits) & (
+        is_thing = (self._score < self._settings.leg_score) & (
             self._last_us - self._first_us >= self._settings.after_us
         )
         near = cdist(centre_m, self._place_m[is_thing]) <= self._settings.same_m
         return np.asarray(near.any(axis=1), np.bool_)
 
-    def learn(self, stamp_us: int, centre_m: NDArray[np.float64], persons_m: NDArray[np.float64]) -> None:
+    def learn(
+        self,
+        stamp_us: int,
+        centre_m: NDArray[np.float64],
+        score: NDArray[np.float64],
+        persons_m: NDArray[np.float64],
+    ) -> None:
         """Take in the clusters of a scan.
 
-        centre_m   (n, 2) all of them [m, map]
-        persons_m  (k, 2) where persons are whom a camera sees
+        centre_m, score  (n, 2), (n,) all of them [m, map]
+        persons_m        (k, 2) where persons are known to be
         """
         settings = self._settings
         is_telling = (cdist(centre_m, persons_m) > settings.person_m).all(axis=1)
         distance = cdist(centre_m, self._place_m)
         nearest = distance.argmin(axis=1) if distance.size else np.zeros(len(centre_m), np.int64)
         is_known = (distance <= settings.same_m).any(axis=1)
-        known = np.unique(nearest[is_known])
-        self._last_us[known] = stamp_us
-        self._hits[np.unique(nearest[is_known & is_telling])] += 1
-        fresh = centre_m[is_telling & ~is_known]
+        told = np.flatnonzero(is_known & is_telling)
+        share = np.minimum((stamp_us - self._last_us[nearest[told]]) / settings.memory_us, 1.0)
+        self._score[nearest[told]] += share * (score[told] - self._score[nearest[told]])
+        self._last_us[nearest[is_known]] = stamp_us
+        fresh = np.flatnonzero(is_telling & ~is_known)
         kept = stamp_us - self._last_us <= settings.forgotten_us
         stamps = np.full(len(fresh), stamp_us, np.int64)
-        self._place_m = np.concatenate([self._place_m[kept], fresh])
+        self._place_m = np.concatenate([self._place_m[kept], centre_m[fresh]])
         self._first_us = np.concatenate([self._first_us[kept], stamps])
         self._last_us = np.concatenate([self._last_us[kept], stamps])
-        self._hits = np.concatenate([self._hits[kept], np.ones(len(fresh), np.int64)])
+        self._score = np.concatenate([self._score[kept], score[fresh]])

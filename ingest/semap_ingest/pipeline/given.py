@@ -34,8 +34,12 @@ def person_boxes(boxes: Boxes, classes: Collection[str]) -> Boxes:
     )
 
 
-def persons_on_map(poses: PersonPoses, map_T_frame: NDArray[np.float64], map_frame: str) -> Detections:
+def persons_on_map(
+    poses: PersonPoses, map_T_frame: NDArray[np.float64], map_frame: str, track: NDArray[np.int64]
+) -> Detections:
     """Persons as if both sensors had seen them.
+
+    track  (n,) the number of each to its finder; -1: it does not say
 
     The variance along the frame's z axis is not told: where that axis is not upright (a camera's is not), it
     is taken to be the mean of the other two.
@@ -55,5 +59,5 @@ def persons_on_map(poses: PersonPoses, map_T_frame: NDArray[np.float64], map_fra
         poses.score[near],
         np.full(count, BOTH, dtype=np.uint8),
         np.full((count, 2), np.nan),
-        np.full(count, -1, dtype=np.int64),
+        track[near],
     )

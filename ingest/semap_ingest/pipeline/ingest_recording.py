@@ -7,38 +7,40 @@ What is written is the same. After a crash, or when the server was away, it goes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import as_file
 from pathlib import Path
 from threading import Event as Signal
 
 from semap.errors import InvalidInput, ServerUnavailable
 from semap.store.database.name import require_plain_name
-from semap_ingest.image.detector import ImageDetector
-from semap_ingest.laser.detector import PACKAGED, LegDetector
+from semap_ingest.laser.detector import PACKAGED
 from semap_ingest.pipeline.delivery import Delivery, Target
 from semap_ingest.pipeline.found import Found
 from semap_ingest.pipeline.identity import fingerprint
+from semap_ingest.pipeline.image_topics import looks_by_name, looks_of
 from semap_ingest.pipeline.meter import Meter, no_meter
 from semap_ingest.pipeline.pace import Pace
-from semap_ingest.pipeline.perception import CAMERA, Perception
-from semap_ingest.pipeline.roles import Roles
+from semap_ingest.pipeline.perception import Perception
+from semap_ingest.pipeline.proposal import Wishes, rig_of
+from semap_ingest.pipeline.rig import Fixed, Rig
+from semap_ingest.pipeline.rig_sensors import box_files_of, sensors_of, topics_of
+from semap_ingest.pipeline.sensor import Sensor
 from semap_ingest.pipeline.survey import survey
-from semap_ingest.pipeline.thinning import thinned
-from semap_ingest.pipeline.topics import Parts, cast_parts
+from semap_ingest.pipeline.topics import cast_parts
+from semap_ingest.recording.decoding import is_static
+from semap_ingest.recording.gathered import Gathered
 from semap_ingest.recording.reading import PERSON_CLASSES, Recording
+from semap_ingest.sensing.transform import Transform
+from semap_ingest.tracking.association import Association
+from semap_ingest.tracking.deletion import Patience
+from semap_ingest.tracking.map_tracker import MapTrackerSettings
 
 BATCH_US = 1_000_000
 QUIET_US = 60_000
 """At a pace a watermark that has moved so far is committed though nothing was found."""
-
-SENSED = {"scan": ("scan",), CAMERA: ("image", "boxes"), "poses": ("poses",)}
-"""What topics play, by what perception calls it."""
-
-LEAST_SCORE = 0.2
-"""Of a box that is kept: weak ones go on with tracks, but begin none."""
 
 Advance = Callable[[int, int], None]
 """Called with the tenths of a second done, and those in all."""
@@ -48,12 +50,16 @@ Advance = Callable[[int, int], None]
 class Plan:
     """What to bring in, and how.
 
+    path         of the recording; None: the rig has files of boxes alone
     source       tracks are written to the source SOURCE/persons, lines to SOURCE/lines
     speed        so many times as fast as it happened; None: as fast as it goes
+    rig          the sensors; None: what `topics` and the types of the recording's topics tell
     topics       topics by the part that they play, where it cannot be told from their types
     map_frame    the recording's frame that is the map's
     floor_z_m    height of the floor in it
-    image_model  ONNX file of the image detector; None: images are not looked at
+    fixed        transforms that hold whatever the recording says
+    transform_patience_s  how long records wait for their transform; None: as the rig says
+    image_model  ONNX file of the image detector; None: images are not looked at, but where a rig names one
     image_layout, class_names  of its outputs, and a file of its classes, where the model does not tell
     providers    of onnxruntime
     images_hz    at most so many images a second are looked at; None: all
@@ -63,11 +69,14 @@ class Plan:
 
     map_name: str
     source: str
-    path: Path
+    path: Path | None
     speed: float | None = None
-    topics: Mapping[str, str] = field(default_factory=dict)
+    rig: Rig | None = None
+    topics: Mapping[str, Sequence[str]] = field(default_factory=dict)
     map_frame: str = "map"
     floor_z_m: float = 0.0
+    fixed: tuple[Fixed, ...] = ()
+    transform_patience_s: float | None = None
     image_model: Path | None = None
     image_layout: str | None = None
     class_names: Path | None = None
@@ -79,6 +88,8 @@ class Plan:
         for name, value in (("a pace", self.speed), ("a rate of images", self.images_hz)):
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InvalidInput(f"{name} of {value}", "Give a number above 0.")
+        if self.transform_patience_s is not None and not self.transform_patience_s >= 0:
+            raise InvalidInput(f"a patience of {self.transform_patience_s} s", "Give seconds, 0 or more.")
         if not math.isfinite(self.floor_z_m):
             raise InvalidInput(f"a floor at {self.floor_z_m} m", "Give its height in metres.")
 
@@ -125,25 +136,21 @@ def ingest_recording(
     require_plain_name(plan.source, "--source")
     stop = stop or Signal()
     tally = _Tally(committed)
-    with Recording(plan.path, person_classes=plan.person_classes) as recording:
+    rig, useless, recording = opened(plan)
+    with recording:
         length_s = (recording.end_us - recording.start_us) / 1e6
-        parts = cast_parts(
-            recording.topics,
-            plan.topics,
-            looks_at_images=plan.image_model is not None,
-            flaw_of=recording.flaw_of,
-        )
-        _require_camera(parts)
-        roles = roles_of(parts, plan)
-        target = Target(
-            dsn, plan.map_name, plan.source, str(plan.path), _identity(plan, parts), plan.floor_z_m
-        )
+        topics = topics_of(rig, recording.topics)
+        identity = _identity(plan, rig, recording)
+        floor_z_m = rig.floor_z_m
+        path = str(plan.path or plan.source)
+        target = Target(dsn, plan.map_name, plan.source, path, identity, floor_z_m)
         with closing(Delivery(target, stop, tally.count)) as delivery:
             if delivery.was_finished:
                 return Ingested(0, length_s, 0, 0, 0, delivery.resumed_at, {})
-            timing = survey(recording, parts, plan.images_hz)
-            perception = Perception(roles, timing, plan.map_frame, plan.floor_z_m, meter)
-            run = _Run(recording, plan, parts, perception, delivery, pace or Pace(plan.speed), meter)
+            sensors = surveyed_sensors(rig, recording, plan.providers)
+            perception = perception_of(rig, sensors, meter)
+            learn_static(recording, perception)
+            run = _Run(recording, plan, topics, perception, delivery, pace or Pace(plan.speed), meter)
             try:
                 is_whole = run.play(stop, advance)
             except ServerUnavailable:
@@ -158,7 +165,7 @@ def ingest_recording(
             for each in recording.passed_over
         }
         counts = {topic.name: topic.count for topic in recording.topics}
-        useless = {f"{name}: {flaw}": counts[name] for name, flaw in parts.useless.items()}
+        unfit = {f"{name}: {flaw}": counts[name] for name, flaw in useless.items()}
     return Ingested(
         perception.taken,
         length_s,
@@ -166,11 +173,9 @@ def ingest_recording(
         len(tally.tracks),
         tally.lines,
         delivery.resumed_at,
-        {**useless, **unread, **perception.left_out},
+        {**unfit, **unread, **perception.left_out},
         is_whole,
-        _fruitless(perception, parts, bool(tally.states or tally.lines or delivery.resumed_at))
-        if is_whole
-        else (),
+        _fruitless(perception, bool(tally.states or tally.lines or delivery.resumed_at)) if is_whole else (),
     )
 
 
@@ -178,9 +183,9 @@ def ingest_recording(
 class _Run:
     """A recording on its way into the database."""
 
-    recording: Recording
+    recording: Gathered
     plan: Plan
-    parts: Parts
+    topics: Collection[str]
     perception: Perception
     delivery: Delivery
     pace: Pace
@@ -191,7 +196,7 @@ class _Run:
         recording, delivery = self.recording, self.delivery
         total = (recording.end_us - recording.start_us) // 100_000
         committed_us = recording.start_us
-        for received in thinned(recording.records(self.parts.all()), self.plan.images_hz):
+        for received in recording.records(self.topics):
             if not delivery.is_catching_up:
                 self.pace.wait(received.sent_us, stop)
             if stop.is_set():
@@ -219,84 +224,133 @@ class _Run:
 
     def _require_placed(self) -> None:
         """Raises InvalidInput where it never became known where the sensors stood."""
-        perception, frame = self.perception, self.plan.map_frame
+        perception, frame = self.perception, self.perception.map_frame
         if perception.placed or not perception.given_up:
             return
         known = ", ".join(sorted(perception.frames))
         reasons = sorted({f"{source}: {why}" for (source, _, _), why in perception.reasons.items()})
         raise InvalidInput(
             "\n  ".join([f"it is not known where its sensors stood in the frame {frame!r}", *reasons]),
-            "Mend that in the recording, or name the frame that is the map's: --frame NAME. "
-            + (f"Its transforms name {known}." if known else "It has none: a sensor's own frame may be it."),
-            self.plan.path.name,
+            f"Say where a sensor is fixed: --transform {frame} CHILD x y z roll pitch yaw; or name the frame"
+            f" that is the map's: --frame NAME. Its transforms name {known or 'nothing'}.",
+            self.plan.source,
         )
 
 
-def _require_camera(parts: Parts) -> None:
-    """Raises InvalidInput where images are to be looked at, and nothing says how their camera sees."""
-    if not (parts.has("image") or parts.has("boxes")) or parts.has("camera_info"):
-        return
-    flaws = [f"{name}: {flaw}" for name, flaw in parts.useless.items()]
-    raise InvalidInput(
-        "; ".join(["there is no calibration of the camera that took its images", *flaws]),
-        "Record its camera_info, or leave the images out: --topic image= --topic boxes=",
+def opened(plan: Plan) -> tuple[Rig, Mapping[str, str], Gathered]:
+    """The rig of a plan as `rig_for` says it, and all that it has records in, open.
+
+    raises  InvalidInput for files that cannot be used
+    """
+    if plan.path is None:
+        if plan.rig is None:
+            raise InvalidInput("there is no recording", "Name it; or a rig with files of boxes: --rig FILE.")
+        return plan.rig, {}, Gathered(None, box_files_of(plan.rig))
+    recording = Recording(plan.path, person_classes=plan.person_classes)
+    try:
+        rig, useless = rig_for(recording, plan)
+        recording.frame_at = rig.frame_at()
+        return rig, useless, Gathered(recording, box_files_of(rig))
+    except BaseException:
+        recording.close()
+        raise
+
+
+def surveyed_sensors(
+    rig: Rig, recording: Gathered, providers: Sequence[str] = ("CPUExecutionProvider",)
+) -> list[Sensor]:
+    """The sensors of a rig, with what the first of their records tell of their timing."""
+    timing = survey(recording, [each.topic for each in rig.sensors.values()])
+    return sensors_of(rig, timing, providers, recording.followed)
+
+
+def rig_for(recording: Recording, plan: Plan) -> tuple[Rig, Mapping[str, str]]:
+    """The rig of a plan, or what the recording tells of one.
+
+    returns  it, and topics that would fit and cannot be used: why
+    """
+    if plan.rig is not None:
+        said: dict[str, object] = {"transforms": (*plan.rig.transforms, *plan.fixed)}
+        if plan.transform_patience_s is not None:
+            said["transform_patience_s"] = plan.transform_patience_s
+        return plan.rig.detecting(plan.image_model).model_copy(update=said), {}
+    parts = cast_parts(
+        recording.topics,
+        plan.topics,
+        looks_at_images=plan.image_model is not None,
+        flaw_of=recording.flaw_of,
+        frame_of=recording.frame_of,
+        looks=lambda topic: looks_of(recording.first_of(topic)) or looks_by_name(topic),
     )
+    return rig_of(parts, wishes_of(plan)), parts.useless
 
 
-def _fruitless(perception: Perception, parts: Parts, is_anything_in: bool) -> tuple[str, ...]:
-    """What of a recording led to nothing, though it should have."""
-    without_use = [
-        f"none of {given} records of the {part} could be used"
-        for part, given in perception.given.items()
-        if not perception.used[part]
-    ]
-    silent = [
-        f"no record of the {part} could be read"
-        for part, kinds in SENSED.items()
-        if any(parts.has(kind) for kind in kinds) and not perception.given[part]
-    ]
-    nothing = [] if is_anything_in else ["no person and no line was found"]
-    return (*without_use, *silent, *nothing)
-
-
-def _identity(plan: Plan, parts: Parts) -> str:
-    """Of the recording, and of all of a plan that changes the results."""
-    topics = sorted((part, names) for part, names in parts.topics.items() if names)
-    classes = sorted(plan.person_classes)
-    options = (
-        topics,
+def wishes_of(plan: Plan) -> Wishes:
+    """What a plan wishes of all sensors."""
+    return Wishes(
         plan.map_frame,
         plan.floor_z_m,
-        plan.images_hz,
-        classes,
-        plan.providers,
+        plan.image_model,
         plan.image_layout,
+        plan.class_names,
+        plan.images_hz,
+        tuple(plan.person_classes),
+        plan.fixed,
+        plan.transform_patience_s,
     )
+
+
+def learn_static(recording: Gathered, perception: Perception) -> None:
+    """What always holds, whenever it was recorded; of a frame told twice the first until the second comes."""
+    topics = [each.name for each in recording.topics if each.is_read and is_static(each.name)]
+    told = recording.records(topics) if topics else ()
+    for received in reversed([each.value for each in told if isinstance(each.value, Transform)]):
+        perception.learn(received)
+
+
+def perception_of(
+    rig: Rig, sensors: Sequence[Sensor], meter: Meter = no_meter, *, kept_us: int | None = None
+) -> Perception:
+    """A perception that has seen nothing yet.
+
+    kept_us  how long a track goes on unseen; None: as is best for sensors that look all the time
+    """
+    tracking = MapTrackerSettings(existence=rig.confirmation.existence())
+    if kept_us is not None:
+        patience, hidden = Patience(kept_us, kept_us, kept_us), Association(hidden_s=kept_us / 1e6)
+        tracking = replace(tracking, patience=patience, association=hidden)
+    patience_s = rig.transform_patience_s
+    return Perception(
+        sensors,
+        rig.frame,
+        rig.floor_z_m,
+        fixed=rig.fixed(),
+        localised_by=None if rig.localisation is None else rig.localisation.topic,
+        transform_patience_us=None if patience_s is None else round(patience_s * 1e6),
+        tracking=tracking,
+        meter=meter,
+    )
+
+
+def _fruitless(perception: Perception, is_anything_in: bool) -> tuple[str, ...]:
+    """What of a recording led to nothing, though it should have."""
+    without_use = []
+    for feeder in perception.feeders.values():
+        name = feeder.sensor.name
+        if not feeder.given:
+            without_use.append(f"no record of {name} could be read")
+        elif not feeder.used:
+            without_use.append(f"none of {feeder.given} records of {name} could be used")
+    nothing = [] if is_anything_in else ["no person and no line was found"]
+    return (*without_use, *nothing)
+
+
+def _identity(plan: Plan, rig: Rig, recording: Gathered) -> str:
+    """Of the recording, and of all of a plan that changes the results."""
     with as_file(PACKAGED) as legs:
-        of_images = [each for each in (plan.image_model, plan.class_names) if each and parts.has("image")]
-        models = [legs, *of_images]
-        return fingerprint(plan.path, models, options)
-
-
-def roles_of(parts: Parts, plan: Plan) -> Roles:
-    """The detectors that a recording needs: for what it has, as far as there are models."""
-    detector = None
-    if parts.has("image") and plan.image_model is not None:
-        detector = ImageDetector.open(
-            plan.image_model,
-            layout=plan.image_layout,
-            class_names=plan.class_names,
-            providers=plan.providers,
-            min_score=LEAST_SCORE,
-        )
-    return Roles(
-        detector,
-        LegDetector.open() if parts.has("scan") else None,
-        parts.has("boxes"),
-        parts.has("poses"),
-        parts.is_one_camera,
-        plan.person_classes,
-    )
+        # the span tells a rate that is not in the rig
+        span = (recording.start_us, recording.end_us)
+        return fingerprint(plan.path, [legs, *rig.files()], (rig.said(), plan.providers, span))
 
 
 class _Tally:

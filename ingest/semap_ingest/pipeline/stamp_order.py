@@ -11,15 +11,10 @@ from collections import Counter
 from typing import cast
 
 from semap.timeline.stamp import EARLIEST, LATEST, to_us
+from semap_ingest.pipeline.sensor import Seen
 from semap_ingest.recording.reading import Received
-from semap_ingest.sensing.boxes import Boxes
-from semap_ingest.sensing.image import CompressedImage, Image
-from semap_ingest.sensing.scan import Scan
-from semap_ingest.sensing.transform import PersonPoses
 from semap_ingest.synchronisation.clock_jump import ClockJumps
-from semap_ingest.synchronisation.matching import Record, Side
-
-Seen = Image | CompressedImage | Boxes | Scan | PersonPoses
+from semap_ingest.synchronisation.matching import Record
 
 MAX_JUMP_US = 10_000_000
 EARLIEST_US, LATEST_US = to_us(EARLIEST), to_us(LATEST)
@@ -41,8 +36,8 @@ class StampOrder:
         if not EARLIEST_US <= seen.stamp_us < LATEST_US:
             self.refused[f"{received.topic}: the stamp is no time from 1800 to 9998"] += 1
             return []
-        side: Side = "b" if isinstance(seen, Scan) else "a"
-        in_step, astray = self._jumps.pass_on(Record(seen.stamp_us, side, (received, seen)))
+        record = Record(seen.stamp_us, received.topic, (received, seen))
+        in_step, astray = self._jumps.pass_on(record)
         self._refuse(astray)
         return [each for record in in_step for each in self._gone_on(record)]
 

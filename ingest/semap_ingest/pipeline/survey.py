@@ -2,39 +2,64 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import islice, pairwise
 
-from semap_ingest.pipeline.roles import Timing
-from semap_ingest.pipeline.thinning import least_gap_us
-from semap_ingest.pipeline.topics import Parts
-from semap_ingest.recording.reading import Recording
-from semap_ingest.sensing.image import Camera
-from semap_ingest.sensing.transform import Transform
+from semap_ingest.pipeline.sensor import PATIENCE_US, Seen
+from semap_ingest.recording.gathered import Gathered
+from semap_ingest.recording.reading import Received
 
 LOOKED_AT = 100
 """So many records of each source."""
 SHARE = 0.9
 """Of the shortest gap that was seen: so much of it is taken for granted, since a later one may be shorter.
 One that is shorter still costs at most a pair: `Synchroniser` says what becomes of it."""
+SPARE = 1.5
+"""Of how far a sensor was behind the others: so much patience it gets."""
+MOST_PATIENCE_US = 5_000_000
+"""Farther behind than that, a clock is wrong rather than a sensor slow."""
 
 
-def survey(recording: Recording, parts: Parts, images_hz: float | None) -> Timing:
-    """The least time between two images and between two scans, as far as the first ones tell."""
-    images, boxes = parts.topics.get("image", ()), parts.topics.get("boxes", ())
-    throttled_us = least_gap_us(images_hz) if images_hz and images and not boxes else 0.0
-    return Timing(
-        image_period_us=int(max(SHARE * _least_gap_us(recording, (*images, *boxes)), throttled_us)),
-        scan_period_us=int(SHARE * _least_gap_us(recording, parts.topics.get("scan", ()))),
+@dataclass(frozen=True)
+class Timing:
+    """Of one topic: the least time between two records, and how far it may be behind the newest of all."""
+
+    period_us: int = 0
+    patience_us: int = PATIENCE_US
+
+
+UNKNOWN = Timing()
+
+
+def survey(recording: Gathered, topics: Iterable[str]) -> Mapping[str, Timing]:
+    """The timing of each topic, as far as its first records tell."""
+    return timing_of(
+        received for topic in topics for received in islice(recording.records([topic]), LOOKED_AT)
     )
 
 
-def _least_gap_us(recording: Recording, topics: tuple[str, ...]) -> int:
+def timing_of(records: Iterable[Received]) -> Mapping[str, Timing]:
+    """The timing of each topic, as far as these records tell."""
+    stamps: dict[str, list[int]] = defaultdict(list)
+    delays: dict[str, list[int]] = defaultdict(list)
+    for each in records:
+        if isinstance(each.value, Seen):
+            stamps[each.topic].append(each.value.stamp_us)
+            delays[each.topic].append(each.sent_us - each.value.stamp_us)
+    soonest_us = min((min(each) for each in delays.values()), default=0)
+    return {
+        topic: Timing(int(SHARE * _least_gap_us(each)), _patience_us(max(delays[topic]) - soonest_us))
+        for topic, each in stamps.items()
+    }
+
+
+def _least_gap_us(stamps: Iterable[int]) -> int:
     """0 where nothing is known: then nothing is taken for granted."""
-    if not topics:
-        return 0
-    stamps = sorted(
-        each.value.stamp_us
-        for each in islice(recording.records(topics), LOOKED_AT)
-        if not isinstance(each.value, Camera | Transform)
-    )
-    return min((later - earlier for earlier, later in pairwise(stamps) if later > earlier), default=0)
+    return min((later - earlier for earlier, later in pairwise(sorted(stamps)) if later > earlier), default=0)
+
+
+def _patience_us(behind_us: int) -> int:
+    wanted_us = int(SPARE * behind_us)
+    return max(PATIENCE_US, wanted_us) if wanted_us <= MOST_PATIENCE_US else PATIENCE_US

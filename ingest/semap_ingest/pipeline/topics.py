@@ -1,4 +1,4 @@
-"""Which topics of a recording play which part."""
+"""Which topics of a recording play which part: the sensors that it has, where nobody says it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from semap.errors import InvalidInput
+from semap_ingest.pipeline.image_topics import Looks, looks_by_name, superfluous
+from semap_ingest.recording.camera_message import is_depth
 from semap_ingest.recording.reading import Topic
 
 PARTS: Mapping[str, tuple[str, ...]] = {
@@ -13,27 +15,30 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "image": ("CompressedImage", "Image"),
     "camera_info": ("CameraInfo",),
     "boxes": ("Detection2DArray",),
-    "poses": ("Detection3DArray", "PoseArray", "PoseWithCovarianceStamped", "PoseStamped"),
+    "poses": (
+        "Detection3DArray", "People", "TrackedPersons", "DetectedPersons", "PersonArray", "PoseArray",
+        "PoseWithCovarianceStamped", "PoseStamped",
+    ),
     "transforms": ("TFMessage", "tfMessage"),
     "odometry": ("Odometry",),
-}
+}  # fmt: skip
 """By the type of their messages; where several types fit, the first that is there."""
 CHOSEN_BY_NAME_ONLY = ("poses",)
 """A pose may be anything, a goal for instance: it is a person only where the user says so."""
-SEVERAL = ("transforms",)
+SENSED = ("scan", "image", "boxes", "poses")
 
 
 @dataclass(frozen=True)
 class Parts:
     """Topics by the part that they play; a part that none plays is missing.
 
-    useless        topics that would fit and that cannot be used: what is wrong with their messages
-    is_one_camera  camera_info is of the images, whatever frames they name: its topic or the user says so
+    useless  topics that would fit and that cannot be used: what is wrong with their messages
+    infos    by camera, the topic of its camera_info where its name or the user says which
     """
 
     topics: Mapping[str, tuple[str, ...]]
     useless: Mapping[str, str] = field(default_factory=dict)
-    is_one_camera: bool = False
+    infos: Mapping[str, str] = field(default_factory=dict)
 
     def has(self, part: str) -> bool:
         return bool(self.topics.get(part))
@@ -48,27 +53,32 @@ class Parts:
 
 def cast_parts(
     topics: Sequence[Topic],
-    named: Mapping[str, str],
+    named: Mapping[str, Sequence[str]],
     *,
     looks_at_images: bool = True,
     flaw_of: Callable[[str], str] = lambda name: "",
+    frame_of: Callable[[str], str] = lambda name: "",
+    looks: Callable[[str], Looks] = looks_by_name,
 ) -> Parts:
-    """Give each part its topics: those that are named, else the one of a fitting type.
+    """Give each part its topics: those that are named, else those of a fitting type.
 
-    Who has found persons is not asked to find them again: boxes stand in for images, poses for both, and tf
-    for odometry, unless the other is named, too.
+    Several topics are several sensors where they are of different frames; of an RGB-D camera only the colour
+    is one (`image_topics`). Who has found persons is not asked to find them again: boxes stand in for images,
+    poses for both, and tf for odometry, unless the other is named, too.
 
-    named            topics by part; an empty name leaves the part out
+    named            topics by part; none leaves the part out
     looks_at_images  whether there is a detector for them
     flaw_of          what is wrong with the messages of a topic, such as images of depth; empty: nothing
+    frame_of         the frame of the messages of a topic; empty: not known
+    looks            whether its images are in colour
     raises           InvalidInput for a part or a topic that is not there or does not fit, where several
-                     topics fit, and where there is nothing to find persons in
+                     topics could be one sensor, and where there is nothing to find persons in
     """
     known = {topic.name: topic for topic in topics if topic.count and topic.is_read}
-    for part, name in named.items():
-        _check_named(part, name, known)
+    cast = {part: tuple(name for name in names if name) for part, names in named.items()}
+    for part, names in cast.items():
+        _check_named(part, names, known)
     useless: dict[str, str] = {}
-    cast: dict[str, tuple[str, ...]] = {part: (name,) if name else () for part, name in named.items()}
 
     def has(part: str) -> bool:
         return bool(cast.get(part))
@@ -79,7 +89,15 @@ def cast_parts(
             fitting = [name for name in sorted(known) if is_wanted and _kind(known[name]) in PARTS[part]]
             useless.update((name, flaw) for name in fitting if (flaw := flaw_of(name)))
             usable = {name: known[name] for name in fitting if name not in useless}
-            cast[part] = _by_type(part, usable, cast.get("image", ()))
+            cast[part] = _by_type(part, usable)
+            if part == "image":
+                distances = [name for name in fitting if name in useless and is_depth(useless[name])]
+                useless.update(superfluous(cast[part], distances, looks, frame_of))
+                cast[part] = tuple(name for name in cast[part] if name not in useless)
+            if part in SENSED and len(cast[part]) > 1:
+                frames = [frame_of(name) for name in cast[part]]
+                if "" in frames or len(set(frames)) < len(frames):
+                    raise _several(part, cast[part])
 
     find("scan", True)
     find("poses", True)
@@ -89,71 +107,79 @@ def cast_parts(
     find("transforms", True)
     find("odometry", not has("transforms"))
     if has("image") and has("boxes"):
-        raise InvalidInput("both images and boxes are named", "Leave one of them out.", "--topic")
-    if not any(has(part) for part in ("scan", "image", "boxes", "poses")):
+        raise InvalidInput(
+            "both images and boxes are named", "Leave one of them out, or write a rig: --rig FILE.", "--topic"
+        )
+    if not any(has(part) for part in SENSED):
         flaws = "".join(f" Of {name} it cannot use: {flaw}." for name, flaw in useless.items())
         there = f"It has {', '.join(f'{t.name} ({t.type})' for t in topics) or 'no topics'}.{flaws}"
+        clouds = [topic.name for topic in known.values() if _kind(topic) == "PointCloud2"]
+        if clouds:
+            entry = f"{{kind: laser, topic: {clouds[0]}, slice_m: [LOW, HIGH]}}"
+            there += f" A slice of a cloud makes scans, as a sensor of a rig: {entry}."
         has_images = any(topic.type.endswith(PARTS["image"]) for topic in known.values())
         raise InvalidInput(
             "the recording has neither scans nor images nor detections of persons that could be looked at",
             f"Name a detector for its images: --camera-model FILE. {there}" if has_images else there,
         )
-    infos, images = cast["camera_info"], cast["image"] or cast["boxes"]
-    is_one = "camera_info" in named or any(_is_beside(name, images) for name in infos)
-    return Parts(cast, useless, is_one)
+    return Parts(cast, useless, _infos(cast, is_named="camera_info" in named))
 
 
-def _check_named(part: str, name: str, known: Mapping[str, Topic]) -> None:
+def _infos(cast: Mapping[str, tuple[str, ...]], *, is_named: bool) -> dict[str, str]:
+    """Each camera's camera_info: the one that is named, else the one deepest in the folders above its own."""
+    infos = cast["camera_info"]
+    cameras = (*cast["image"], *cast["boxes"])
+    found = {}
+    for camera in cameras:
+        beside = [name for name in infos if _is_beside(name, camera)]
+        if beside:
+            found[camera] = max(beside, key=len)
+        elif is_named and len(infos) == 1:
+            found[camera] = infos[0]
+    return found
+
+
+def _check_named(part: str, names: Sequence[str], known: Mapping[str, Topic]) -> None:
     if part not in PARTS:
         raise InvalidInput(f"there is no part {part!r}", f"Choose from {', '.join(PARTS)}.", "--topic")
-    if not name:
-        return
-    if name not in known:
-        raise InvalidInput(
-            f"the recording has no messages of the topic {name!r} that semap reads",
-            f"It has {', '.join(sorted(known)) or 'none'}.",
-            "--topic",
-        )
-    if _kind(known[name]) not in PARTS[part]:
-        raise InvalidInput(
-            f"the topic {name!r} is of the type {known[name].type}",
-            f"For the part {part} name one of {', '.join(PARTS[part])}.",
-            "--topic",
-        )
+    for name in names:
+        if name not in known:
+            raise InvalidInput(
+                f"the recording has no messages of the topic {name!r} that semap reads",
+                f"It has {', '.join(sorted(known)) or 'none'}.",
+                "--topic",
+            )
+        if _kind(known[name]) not in PARTS[part]:
+            raise InvalidInput(
+                f"the topic {name!r} is of the type {known[name].type}",
+                f"For the part {part} name one of {', '.join(PARTS[part])}.",
+                "--topic",
+            )
 
 
-def _by_type(part: str, known: Mapping[str, Topic], images: Sequence[str]) -> tuple[str, ...]:
-    """Of several cameras, the one that has the images is meant; packed images stand for raw ones."""
+def _by_type(part: str, known: Mapping[str, Topic]) -> tuple[str, ...]:
+    """Those of the first type that is there; packed images stand for the raw ones of their camera."""
+    by_type = [
+        tuple(sorted(name for name, topic in known.items() if _kind(topic) == type_name))
+        for type_name in PARTS[part]
+    ]
     if part == "image":
-        _require_one_camera(known)
-    for type_name in PARTS[part]:
-        fitting = tuple(sorted(name for name, topic in known.items() if _kind(topic) == type_name))
-        if part == "camera_info" and len(fitting) > 1:
-            fitting = tuple(name for name in fitting if _is_beside(name, images)) or fitting
-        if len(fitting) > 1 and part not in SEVERAL:
-            raise _several(part, fitting)
-        if fitting:
-            return fitting
-    return ()
-
-
-def _require_one_camera(known: Mapping[str, Topic]) -> None:
-    """Raises InvalidInput where packed images are of one camera, and raw ones of another."""
-    packed = [name for name, topic in known.items() if _kind(topic) == "CompressedImage"]
-    raw = [name for name, topic in known.items() if _kind(topic) == "Image"]
-    if packed and not all(_is_beside(name, packed) for name in raw):
-        raise _several("image", (*packed, *raw))
+        packed, raw = by_type
+        return (*packed, *(name for name in raw if not any(_is_beside(name, each) for each in packed)))
+    return next((names for names in by_type if names), ())
 
 
 def _several(part: str, names: Sequence[str]) -> InvalidInput:
+    every = " ".join(f"--topic {part}={name}" for name in names)
     return InvalidInput(
         f"several topics could be the {part}: {', '.join(names)}",
-        f"Say which: --topic {part}={names[0]}, or leave it out: --topic {part}=",
+        f"Say which: --topic {part}={names[0]}; name all if they are different sensors: {every};"
+        f" or leave it out: --topic {part}=",
     )
 
 
-def _is_beside(name: str, images: Sequence[str]) -> bool:
-    return any(_folder(image).startswith(_folder(name)) for image in images)
+def _is_beside(name: str, image: str) -> bool:
+    return _folder(image).startswith(_folder(name))
 
 
 def _kind(topic: Topic) -> str:

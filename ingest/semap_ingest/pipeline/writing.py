@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 import psycopg
+from numpy.typing import NDArray
 
 from semap.errors import Conflict, NotFound
 from semap.geometry.error_ellipse import ellipses_of
@@ -132,7 +133,7 @@ class Writer:
         amendments = [one for each in states for one in each.amendments]
         seen = [each for each in states if len(each)]
         if seen:
-            values = self._values(seen)
+            values = {name: each.tolist() for name, each in columns_of(seen, self._middle_m).items()}
             statement = ADD_STATES.format(
                 names=", ".join(values),
                 known=", ".join(f"nullif({name}, 'NaN')" for name in values),
@@ -187,25 +188,6 @@ class Writer:
             [self._ids[int(track)] for each in states for track in each.track],
             _repeated([to_datetime(each.stamp_us) for each in states], [len(each) for each in states]),
         )
-
-    def _values(self, states: Sequence[TrackStates]) -> dict[str, list[float]]:
-        """The columns of a state that perception knows, by name; NaN: not of this one."""
-        velocity = np.concatenate([each.velocity_mps for each in states])
-        covariance = np.concatenate([each.covariance_m2 for each in states])
-        xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-        x_m, y_m = np.concatenate([each.position_m for each in states]).T
-        length_m, width_m = np.concatenate([each.extent_m for each in states]).T
-        values = {
-            "x_m": x_m,
-            "y_m": y_m,
-            "z_m": np.full(len(x_m), self._middle_m),
-            **ellipses_of(xx, xy, yy)._asdict(),
-            "heading_rad": np.concatenate([each.heading_rad for each in states]),
-            "speed_mps": np.hypot(velocity[:, 0], velocity[:, 1]),
-            "length_m": length_m,
-            "width_m": width_m,
-        }
-        return {name: each.tolist() for name, each in values.items()}
 
     def _write_lines(self, cursor: psycopg.Cursor, found: Sequence[LinesAt]) -> None:
         if not found:
@@ -263,3 +245,25 @@ def _at_one_go(connection: psycopg.Connection) -> Iterator[psycopg.Cursor]:
 
 def _repeated(values: Sequence[T], counts: Sequence[int]) -> list[T]:
     return [value for value, count in zip(values, counts, strict=True) for _ in range(count)]
+
+
+def columns_of(states: Sequence[TrackStates], middle_m: float) -> dict[str, NDArray[np.float64]]:
+    """The columns of a state that perception knows, by name; NaN: not of this one.
+
+    middle_m  height of the middle of a person's body
+    """
+    velocity = np.concatenate([each.velocity_mps for each in states])
+    covariance = np.concatenate([each.covariance_m2 for each in states])
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    x_m, y_m = np.concatenate([each.position_m for each in states]).T
+    length_m, width_m = np.concatenate([each.extent_m for each in states]).T
+    return {
+        "x_m": x_m,
+        "y_m": y_m,
+        "z_m": np.full(len(x_m), middle_m),
+        **ellipses_of(xx, xy, yy)._asdict(),
+        "heading_rad": np.concatenate([each.heading_rad for each in states]),
+        "speed_mps": np.hypot(velocity[:, 0], velocity[:, 1]),
+        "length_m": length_m,
+        "width_m": width_m,
+    }

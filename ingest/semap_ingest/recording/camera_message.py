@@ -58,6 +58,13 @@ LAYOUTS: Mapping[str, Layout] = {
 
 DEPTHS = ("16uc1", "32fc1")
 """Encodings of distances, as the format of a compressed image names them."""
+NO_COLOURS = "distances and no colours"
+
+
+def is_depth(flaw: str) -> bool:
+    """Whether that is what is wrong with an image."""
+    return NO_COLOURS in flaw
+
 
 LENGTHS: Mapping[str, tuple[Model, tuple[int, ...]]] = {
     "": ("plumb_bob", (4, 5)),
@@ -77,6 +84,8 @@ def decode_image(message: Any, log_us: int) -> Image:
     raises  Unusable for an encoding that is not among LAYOUTS, or fewer bytes than rows need
     """
     layout = LAYOUTS.get(message.encoding.lower())
+    if message.encoding.lower() in DEPTHS:
+        raise Unusable(f"an image of {message.encoding}, which are {NO_COLOURS}")
     if layout is None:
         raise Unusable(f"the encoding {message.encoding!r} is not one of {', '.join(LAYOUTS)}")
     stored = _stored(message, layout)
@@ -87,10 +96,10 @@ def decode_image(message: Any, log_us: int) -> Image:
 def decode_compressed_image(message: Any, log_us: int) -> CompressedImage:
     """raises Unusable for a compressed depth image, which has a header of its own before the PNG"""
     if "compresseddepth" in message.format.lower():
-        raise Unusable("a compressed depth image, which has no colours")
+        raise Unusable(f"a compressed depth image, which are {NO_COLOURS}")
     encoding = message.format.partition(";")[0].strip().lower()
     if encoding in DEPTHS:
-        raise Unusable(f"an image of {encoding.upper()}, which are distances and no colours")
+        raise Unusable(f"an image of {encoding.upper()}, which are {NO_COLOURS}")
     if len(message.data) == 0:
         raise Unusable("an image of no bytes")
     return CompressedImage(
@@ -117,9 +126,20 @@ def decode_camera(message: Any, _: int) -> Camera:
     size = np.array([area.width or message.width, area.height or message.height]) // binning
     if not size.all():
         raise Unusable("the camera's images have no size")
-    matrix[:2, 2] -= area.x_offset, area.y_offset
-    matrix[:2] /= binning[:, None]
-    return Camera(frame_name(message.header.frame_id), int(size[0]), int(size[1]), matrix, distortion, model)
+    projection = np.array(_either(message, "p", "P"), np.float64).reshape(3, 4)[:, :3]
+    has_projection = np.isfinite(projection).all() and projection[0, 0] > 0 < projection[1, 1]
+    for each in (matrix, projection):
+        each[:2, 2] -= area.x_offset, area.y_offset
+        each[:2] /= binning[:, None]
+    return Camera(
+        frame_name(message.header.frame_id),
+        int(size[0]),
+        int(size[1]),
+        matrix,
+        distortion,
+        model,
+        projection if has_projection else None,
+    )
 
 
 def _stored(message: Any, layout: Layout) -> NDArray[Any]:

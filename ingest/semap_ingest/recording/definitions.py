@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from typing import Any
 
-from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -25,13 +25,29 @@ MALFORMED = (SerdeError, TypesysError, struct.error, AttributeError, LookupError
 
 IDL_SEPARATOR = "=" * 80 + "\n"
 
-ARRAYS = {
+OF_BOTH = {
     "vision_msgs/msg/Detection2DArray": "std_msgs/Header header\nDetection2D[] detections",
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "people_msgs/msg/Person": (
+        "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\nfloat64 reliability\n"
+        "string[] tagnames\nstring[] tags"
+    ),
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people",
+    "leg_tracker/msg/Person": "geometry_msgs/Pose pose\nuint32 id",
+    "leg_tracker/msg/PersonArray": "std_msgs/Header header\nleg_tracker/Person[] people",
+    "spencer_tracking_msgs/msg/DetectedPerson": (
+        "uint64 detection_id\nfloat64 confidence\ngeometry_msgs/PoseWithCovariance pose\nstring modality"
+    ),
+    "spencer_tracking_msgs/msg/DetectedPersons": "std_msgs/Header header\nDetectedPerson[] detections",
+    "spencer_tracking_msgs/msg/TrackedPersons": "std_msgs/Header header\nTrackedPerson[] tracks",
 }
 
-ROS1_DEFINITIONS: Mapping[str, str] = ARRAYS | {
+ROS1_DEFINITIONS: Mapping[str, str] = OF_BOTH | {
+    "spencer_tracking_msgs/msg/TrackedPerson": (
+        "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\nduration age\n"
+        "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
+    ),
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "tf/msg/tfMessage": "geometry_msgs/TransformStamped[] transforms",
     "vision_msgs/msg/Detection2D": (
@@ -48,7 +64,12 @@ ROS1_DEFINITIONS: Mapping[str, str] = ARRAYS | {
     "vision_msgs/msg/BoundingBox2D": "geometry_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
 }
 
-ROS2_DEFINITIONS: Mapping[str, str] = ARRAYS | {
+ROS2_DEFINITIONS: Mapping[str, str] = OF_BOTH | {
+    "spencer_tracking_msgs/msg/TrackedPerson": (
+        "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
+        "builtin_interfaces/Duration age\n"
+        "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"
+    ),
     "vision_msgs/msg/Detection2D": (
         "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox2D bbox\nstring id"
     ),
@@ -67,18 +88,17 @@ ROS2_DEFINITIONS: Mapping[str, str] = ARRAYS | {
 
 @cache
 def built_in_types(is_ros1: bool) -> Typestore:
-    """All types of ROS 1 Noetic or ROS 2 Humble, with vision_msgs."""
+    """All types of ROS 1 Noetic or ROS 2 Humble, with those of vision_msgs and of person trackers."""
     store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
     for name, text in (ROS1_DEFINITIONS if is_ros1 else ROS2_DEFINITIONS).items():
         store.register(get_types_from_msg(text, name))
     return store
 
 
-def deserialiser(connection: Connection, is_ros1: bool) -> Deserialiser:
-    """From bytes to a message of the connection's type; raises Unusable for bytes that are none."""
-    name = connection.msgtype
+def deserialiser(name: str, definition: MessageDefinition, is_ros1: bool) -> Deserialiser:
+    """From bytes to a message of a type; raises Unusable for bytes that are none."""
     try:
-        store = _types(name, connection.msgdef, is_ros1)
+        store = _types(name, definition, is_ros1)
         store.get_msgdef(name)
     except MALFORMED as error:
         reason = f"the definition of {name} cannot be read: {error!r}"

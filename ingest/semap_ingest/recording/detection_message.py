@@ -1,4 +1,4 @@
-"""Boxes and persons that the robot has found itself, out of vision_msgs and geometry_msgs.
+"""Boxes and persons that the robot has found itself: vision_msgs, geometry_msgs, those of person trackers.
 
 vision_msgs changed: a hypothesis had an `id` (a number in ROS 1, a text in ROS 2's first releases) and has a
 `hypothesis.class_id` since Galactic; the centre of a box had x and y and has a `position` since Humble.
@@ -7,6 +7,7 @@ vision_msgs changed: a hypothesis had an `id` (a number in ROS 1, a text in ROS 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -46,7 +47,7 @@ def decode_persons(message: Any, log_us: int, classes: frozenset[str]) -> Iterat
     classes  lower-case names that say person; a detection without a class is one, too
     """
     header = _header(message)
-    positions, covariances, scores = [], [], []
+    positions, covariances, scores, ids = [], [], [], []
     for each in message.detections:
         label, score = _class_and_score(each.results)
         if label and label.lower() not in classes:
@@ -59,7 +60,54 @@ def decode_persons(message: Any, log_us: int, classes: frozenset[str]) -> Iterat
         positions.append(_point(place))
         covariances.append(UNKNOWN_COVARIANCE if best is None else _covariance_m2(best.pose.covariance))
         scores.append(score)
-    yield _persons(header, log_us, positions, covariances, scores)
+        ids.append(str(getattr(each, "id", "") or getattr(each, "tracking_id", "")))
+    yield _persons(header, log_us, positions, covariances, scores, ids)
+
+
+def decode_people(message: Any, log_us: int) -> PersonPoses:
+    """A People of people_msgs; how reliable each is, is its score."""
+    return _persons(
+        message.header,
+        log_us,
+        [_point(each.position) for each in message.people],
+        scores=[_share(each.reliability) for each in message.people],
+        ids=[each.name for each in message.people],
+    )
+
+
+def decode_tracked_persons(message: Any, log_us: int) -> Iterator[PersonPoses | Flaw]:
+    """A TrackedPersons of spencer_tracking_msgs; whom its tracker does not see now, is left out."""
+    seen = [each for each in message.tracks if not each.is_occluded]
+    for _ in range(len(message.tracks) - len(seen)):
+        yield Flaw(Why.NOT_SEEN, "is_occluded is set: where the person is, is a guess")
+    yield _persons(
+        message.header,
+        log_us,
+        [_point(each.pose.pose.position) for each in seen],
+        [_covariance_m2(each.pose.covariance) for each in seen],
+        ids=[each.track_id for each in seen],
+    )
+
+
+def decode_detected_persons(message: Any, log_us: int) -> PersonPoses:
+    """A DetectedPersons of spencer_tracking_msgs; its ids are of detections, and say nothing of who it is."""
+    return _persons(
+        message.header,
+        log_us,
+        [_point(each.pose.pose.position) for each in message.detections],
+        [_covariance_m2(each.pose.covariance) for each in message.detections],
+        [_share(each.confidence) for each in message.detections],
+    )
+
+
+def decode_person_array(message: Any, log_us: int) -> PersonPoses:
+    """A PersonArray of leg_tracker."""
+    return _persons(
+        message.header,
+        log_us,
+        [_point(each.pose.position) for each in message.people],
+        ids=[each.id for each in message.people],
+    )
 
 
 def decode_pose(message: Any, log_us: int) -> PersonPoses:
@@ -86,6 +134,7 @@ def _persons(
     positions: Iterable[tuple[float, float, float]],
     covariances: Iterable[NDArray[np.float64]] | None = None,
     scores: Iterable[float] | None = None,
+    ids: Iterable[str | int] | None = None,
 ) -> PersonPoses:
     """Those with a position that is finite."""
     position_m = np.array(list(positions), np.float64).reshape(-1, 3)
@@ -94,6 +143,8 @@ def _persons(
         [UNKNOWN_COVARIANCE] * many if covariances is None else list(covariances), np.float64
     ).reshape(-1, 2, 2)
     score = np.ones(many) if scores is None else np.array(list(scores), np.float64)
+    names = [""] * many if ids is None else [str(each) for each in ids]
+    times = Counter(names)
     is_told = np.isfinite(position_m).all(axis=1)
     return PersonPoses(
         stamp_us(header.stamp, log_us),
@@ -101,6 +152,7 @@ def _persons(
         position_m[is_told],
         covariance_m2[is_told],
         score[is_told],
+        tuple(names[row] if times[names[row]] == 1 else "" for row in np.flatnonzero(is_told)),
     )
 
 
@@ -112,8 +164,13 @@ def _header(message: Any) -> Any:
 
 
 def _score(hypothesis: Any) -> float:
-    score = float(getattr(hypothesis, "hypothesis", hypothesis).score)
-    return min(max(score, 0.0), 1.0) if math.isfinite(score) else 0.0
+    return _share(getattr(hypothesis, "hypothesis", hypothesis).score)
+
+
+def _share(told: Any) -> float:
+    """From 0 to 1."""
+    value = float(told)
+    return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
 
 
 def _class_and_score(results: list[Any]) -> tuple[str, float]:

@@ -13,6 +13,7 @@ class Why(Enum):
     UNDECODABLE = "its bytes or its contents cannot be used"
     BAD_STAMP = "its stamp is no time"
     OTHER_CLASS = "it is a detection of something that is not a person"
+    NOT_SEEN = "its tracker does not see the person at the moment"
 
 
 @dataclass(frozen=True)

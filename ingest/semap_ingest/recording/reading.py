@@ -7,16 +7,15 @@ follows; a damaged file raises.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from semap.errors import InvalidInput
-from semap_ingest.recording.decoding import DECODERS, Decoder, Surroundings, Value
+from semap_ingest.recording.decoding import DECODERS, Read, Value, pose_of_frame, reader_of
 from semap_ingest.recording.header import logged_us
 from semap_ingest.recording.passed_over import Flaw, PassedOver, Tally, Unusable
 
@@ -65,10 +64,12 @@ class Recording:
     def __init__(self, path: Path | str, *, person_classes: Collection[str] = PERSON_CLASSES) -> None:
         """person_classes: which detections in 3D are persons, by any case of letters.
 
+        frame_at  topics of poses that say where a frame is, and which; may be set later
         raises  InvalidInput for what is no recording, is damaged, holds no messages, or without rosbags
         """
         self._file = _opened(Path(path))
-        self._person_classes = frozenset(name.lower() for name in person_classes)
+        self._person_classes = person_classes
+        self.frame_at: Mapping[str, str] = {}
         self._tally = Tally()
         self.topics = _topics(self._file.connections)
         self.start_us, self.end_us = self._file.first_ns // 1000, self._file.last_ns // 1000
@@ -103,6 +104,15 @@ class Recording:
         self._tally = Tally()
         return self._play(wanted, self._tally)
 
+    def frame_of(self, topic: str) -> str:
+        """The frame of the first message of a topic; empty where none of the first can be used."""
+        return str(getattr(self.first_of(topic), "frame", ""))
+
+    def first_of(self, topic: str) -> Value | None:
+        """The first value of a topic; None where none of its first messages can be used."""
+        first = next(self._play(self._wanted([topic]), Tally(), LOOKED_AT), None)
+        return None if first is None else first.value
+
     def flaw_of(self, topic: str) -> str:
         """What is wrong with the first messages of a topic; empty where one of them can be used."""
         tally = Tally()
@@ -131,12 +141,16 @@ class Recording:
                 )
         return InvalidInput(f"the recording has no topic /{name}", f"It has: {there}.")
 
+    def _reader_of(self, connection: Connection) -> Read:
+        deserialise = self._file.deserialiser(connection)
+        frame = self.frame_at.get(connection.topic)
+        if frame is not None:
+            return lambda raw, log_us: [pose_of_frame(deserialise(raw), log_us, frame)]
+        return reader_of(connection.topic, connection.msgtype, deserialise, self._person_classes)
+
     def _play(self, wanted: list[Connection], tally: Tally, most: int | None = None) -> Iterator[Received]:
         """most: look at no more messages"""
-        decoders = {
-            each.id: (each.topic, partial(_decode, self._file.deserialiser(each), *self._decoder(each)))
-            for each in wanted
-        }
+        decoders = {each.id: (each.topic, self._reader_of(each)) for each in wanted}
         for connection_id, log_ns, raw in islice(self._file.messages(wanted), most):
             topic, decode = decoders[connection_id]
             try:
@@ -150,25 +164,6 @@ class Recording:
                     tally.add(topic, value)
                 else:
                     yield Received(log_us, topic, value)
-
-    def _decoder(self, connection: Connection) -> tuple[Decoder, Surroundings]:
-        is_static = connection.topic.rpartition("/")[2] == "tf_static"
-        return DECODERS[connection.msgtype], Surroundings(is_static, self._person_classes)
-
-
-def _decode(
-    deserialise: Callable[[bytes], object],
-    decode: Decoder,
-    surroundings: Surroundings,
-    raw: bytes,
-    log_us: int,
-) -> list[Value | Flaw]:
-    """All values of one message. Raises Unusable, also where the recording defines its type otherwise."""
-    message = deserialise(raw)
-    try:
-        return list(decode(message, log_us, surroundings))
-    except (AttributeError, TypeError, ValueError, OverflowError) as error:
-        raise Unusable(f"contents that do not fit: {error}") from error
 
 
 def _opened(path: Path) -> RosbagFile:

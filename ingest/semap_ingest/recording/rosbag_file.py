@@ -68,7 +68,7 @@ class RosbagFile:
         """raises InvalidInput for what is no recording, is damaged, or holds no messages"""
         self._path, self._kind = path, _kind(path)
         try:
-            self._reader = Reader1(path) if self._kind == ".bag" else Reader2(path)
+            self._reader = Reader1(path) if self.is_ros1 else Reader2(path)
             self._reader.open()
         except Exception as error:
             raise self._translated(error) from error
@@ -77,6 +77,10 @@ class RosbagFile:
         except BaseException:
             self._reader.close()
             raise
+
+    @property
+    def is_ros1(self) -> bool:
+        return self._kind == ".bag"
 
     def close(self) -> None:
         self._reader.close()
@@ -95,7 +99,7 @@ class RosbagFile:
             raise self._translated(error) from error
 
     def deserialiser(self, connection: Connection) -> Deserialiser:
-        return deserialiser(connection, self._kind == ".bag")
+        return deserialiser(connection.msgtype, connection.msgdef, self.is_ros1)
 
     def _list(self) -> None:
         self.connections = tuple(self._reader.connections)

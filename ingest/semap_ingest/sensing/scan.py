@@ -15,6 +15,8 @@ class Scan:
 
     ranges_m    (n,) float32 as the sensor gave them: also 0, infinite or NaN where nothing came back
     range_*_m   what the sensor can measure
+    beam_s      from one beam to the next; the stamp is that of the first; 0: all at once, or it is not told
+    own_angles_rad  (n,) where the beams are not a step apart from one another; None: they are
     """
 
     stamp_us: int
@@ -24,10 +26,19 @@ class Scan:
     range_min_m: float
     range_max_m: float
     ranges_m: NDArray[np.float32]
+    beam_s: float = 0.0
+    own_angles_rad: NDArray[np.float64] | None = None
+
+    @property
+    def sweep_us(self) -> int:
+        """From the first beam to the last."""
+        return round(self.beam_s * max(len(self.ranges_m) - 1, 0) * 1e6)
 
     @cached_property
     def angles_rad(self) -> NDArray[np.float64]:
         """(n,)"""
+        if self.own_angles_rad is not None:
+            return self.own_angles_rad
         steps = np.arange(len(self.ranges_m), dtype=np.float64)
         return self.angle_min_rad + self.angle_step_rad * steps
 

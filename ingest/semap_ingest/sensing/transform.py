@@ -32,6 +32,7 @@ class PersonPoses:
     position_m     (n, 3) [m, frame]
     covariance_m2  (n, 2, 2) of x and y; NaN where it is not told
     score          (n,) probability that it is a person; 1 where it is not told
+    known_as       (n) who each is to its finder; empty: it does not say, or says it of several
     """
 
     stamp_us: int
@@ -39,3 +40,4 @@ class PersonPoses:
     position_m: NDArray[np.float64]
     covariance_m2: NDArray[np.float64]
     score: NDArray[np.float64]
+    known_as: tuple[str, ...]

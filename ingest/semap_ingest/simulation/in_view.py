@@ -12,6 +12,7 @@ from semap_ingest.simulation.labels import TrackLabels
 from semap_ingest.simulation.laser_view import Ranges
 from semap_ingest.simulation.moment import Moment
 from semap_ingest.simulation.ray import is_crossed, is_near
+from semap_ingest.simulation.wall_sensors import WallCamera, true_boxes
 
 BODY_RADIUS_M = 0.2
 
@@ -22,8 +23,12 @@ def track_labels(
     stamps_us: list[int],
     moments: list[Moment],
     ranges: list[Ranges],
+    on_walls: tuple[WallCamera, ...] = (),
 ) -> TrackLabels:
-    """Of scans with these stamps, each with the moment at its first beam and what its beams met."""
+    """Of scans with these stamps, each with the moment at its first beam and what its beams met.
+
+    on_walls  cameras besides the robot's
+    """
     count = len(people)
     beams = [np.bincount(scan.shin_of[scan.shin_of >= 0], minlength=count) for scan in ranges]
     shape = (len(moments), count)
@@ -31,6 +36,9 @@ def track_labels(
     position_m = np.array([[body.position_m for body in each] for each in bodies]).reshape(*shape, 2)
     heading_rad = np.array([[body.heading_rad for body in each] for each in bodies]).reshape(shape)
     seen = np.array([_in_camera(floor, moment) for moment in moments]).reshape(shape)
+    for camera in on_walls:
+        boxes = np.array([true_boxes(camera, floor, moment) for moment in moments])
+        seen = seen | np.isfinite(boxes.reshape(*shape, 4)).all(axis=2)
     return TrackLabels(
         people,
         np.array(stamps_us, dtype=np.int64),

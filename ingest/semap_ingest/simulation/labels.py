@@ -10,7 +10,7 @@ Stamps are event time [us since 1970], places [m] in the frame `map`. The file:
                after it by the same person. first_us is the end of the opening or the completion of the
                transition, second_us the completion or the end of the closing
   tracks       stamp_us of each scan; per person x_m, y_m, heading_rad, laser_beams (how many of the scan's
-               beams met a shin) and in_camera (whether the camera sees the middle of the body: in its image,
+               beams met a shin) and in_camera (whether a camera sees the middle of the body: in its image,
                and neither a wall nor a leaf nor somebody else before it)
 """
 

@@ -53,10 +53,12 @@ class Ranges:
 class LaserView:
     """A laser that stays where it is. State: none but what never moves, cast once."""
 
-    def __init__(self, floor: Floor) -> None:
+    def __init__(self, floor: Floor, place: tuple[float, float, float] | None = None) -> None:
+        """place: x, y [m, map] and yaw [rad]; None: the robot's"""
         self._floor = floor
-        self._place_m = laser_place_m()
-        angles_rad = ROBOT[2] + ANGLE_MIN_RAD + ANGLE_STEP_RAD * np.arange(BEAMS)
+        x_m, y_m, yaw_rad = place or (*laser_place_m(), ROBOT[2])
+        self._place_m = np.array([x_m, y_m])
+        angles_rad = yaw_rad + ANGLE_MIN_RAD + ANGLE_STEP_RAD * np.arange(BEAMS)
         self._beams = np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
         self._fixed_m = to_segments(self._place_m, self._beams, floor.laser_segments)
 

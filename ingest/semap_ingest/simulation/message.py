@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from semap_ingest.recording.definitions import built_in_types
 from semap_ingest.sensing.image import Camera
 from semap_ingest.simulation.laser_view import (
     ANGLE_MIN_RAD,
@@ -35,6 +35,7 @@ TYPES = {
     STATIC_TF: "tf2_msgs/msg/TFMessage",
     CLOUD: "sensor_msgs/msg/PointCloud2",
 }
+OF_WALLS = {"scan": TYPES[SCAN], "camera_info": TYPES[INFO], "boxes": "vision_msgs/msg/Detection2DArray"}
 FLOAT32 = 7
 """sensor_msgs/PointField.FLOAT32"""
 
@@ -50,13 +51,18 @@ class Record:
 
 @cache
 def typestore() -> Typestore:
-    return get_typestore(Stores.ROS2_HUMBLE)
+    return built_in_types(is_ros1=False)
 
 
-def scan_data(stamp_us: int, ranges_m: NDArray[np.float32]) -> bytes:
+def type_of(topic: str) -> str:
+    """Of the messages of a topic, also of one that is named after a sensor on a wall."""
+    return TYPES.get(topic) or OF_WALLS[topic.rpartition("/")[2]]
+
+
+def scan_data(stamp_us: int, ranges_m: NDArray[np.float32], frame: str = "laser") -> bytes:
     return _serialised(
         SCAN,
-        header=_header(stamp_us, "laser"),
+        header=_header(stamp_us, frame),
         angle_min=ANGLE_MIN_RAD,
         angle_max=ANGLE_MIN_RAD + ANGLE_STEP_RAD * (BEAMS - 1),
         angle_increment=ANGLE_STEP_RAD,
@@ -93,6 +99,31 @@ def camera_info_data(stamp_us: int, camera: Camera) -> bytes:
         binning_y=0,
         roi=region,
     )
+
+
+def boxes_data(
+    stamp_us: int, frame: str, corners_px: NDArray[np.float64], scores: NDArray[np.float64]
+) -> bytes:
+    """corners_px (n, 4) x_min, y_min, x_max, y_max of persons"""
+    make, header = typestore().types, _header(stamp_us, frame)
+    found = []
+    for (x_min, y_min, x_max, y_max), score in zip(corners_px.tolist(), scores.tolist(), strict=True):
+        middle = make["vision_msgs/msg/Point2D"]((x_min + x_max) / 2, (y_min + y_max) / 2)
+        centre = make["vision_msgs/msg/Pose2D"](middle, 0.0)
+        box = make["vision_msgs/msg/BoundingBox2D"](centre, x_max - x_min, y_max - y_min)
+        result = make["vision_msgs/msg/ObjectHypothesisWithPose"](
+            make["vision_msgs/msg/ObjectHypothesis"]("person", score), _nowhere()
+        )
+        found.append(make["vision_msgs/msg/Detection2D"](header, [result], box, ""))
+    return _serialised("/boxes", header=header, detections=found)
+
+
+def _nowhere() -> Any:
+    """The pose of a detection that has none: a covariance of zero is none."""
+    make = typestore().types
+    turn = make["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    pose = make["geometry_msgs/msg/Pose"](make["geometry_msgs/msg/Point"](0.0, 0.0, 0.0), turn)
+    return make["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
 
 
 def tf_data(topic: str, stamp_us: int, edges: Sequence[tuple[str, str, Pose]]) -> bytes:
@@ -135,5 +166,5 @@ def _header(stamp_us: int, frame: str) -> Any:
 
 
 def _serialised(topic: str, **fields: Any) -> bytes:
-    store, kind = typestore(), TYPES[topic]
+    store, kind = typestore(), type_of(topic)
     return bytes(store.serialize_cdr(store.types[kind](**fields), kind))

@@ -19,6 +19,8 @@ class Stream(IntEnum):
     CLOUD = 7
     LOCALISATION = 8
     DECORATION = 9
+    WALL_CAMERA = 10
+    WALL_LASER = 20
 
 
 def noise(settings: OfficeSettings, stream: Stream, number: int = 0) -> np.random.Generator:

@@ -44,6 +44,7 @@ from semap_ingest.simulation.moment import Moment
 from semap_ingest.simulation.noise import Stream, noise
 from semap_ingest.simulation.schedule import Moments
 from semap_ingest.simulation.settings import OfficeSettings, Sensor
+from semap_ingest.simulation.wall_sensors import WallLaser, wall_boxes, wall_cameras, wall_lasers
 
 IMAGE_PERIOD_S = 1 / 30
 FIRST_SCAN_S = 0.011
@@ -97,9 +98,11 @@ def recording(
     settings: OfficeSettings, course: Moments, scans: ScanStream, jpegs: Iterator[bytes]
 ) -> Iterator[Record]:
     """Every record. jpegs  one for each of `image_times`"""
-    streams = [_static(), _odometry(settings), _localisation(settings), scans.records()]
+    streams = [_static(settings), _odometry(settings), _localisation(settings), scans.records()]
     if settings.camera:
         streams.append(_images(settings, jpegs))
+    streams += [wall_boxes(settings, course, each) for each in wall_cameras(settings)]
+    streams += [_wall_scans(settings, course, each) for each in wall_lasers(settings)]
     if settings.cloud:
         streams.append(_clouds(settings, course))
     return heapq.merge(*streams, key=lambda record: record.log_us)
@@ -125,9 +128,22 @@ def _clouds(settings: OfficeSettings, course: Moments) -> Iterator[Record]:
         )
 
 
-def _static() -> Iterator[Record]:
+def _wall_scans(settings: OfficeSettings, course: Moments, laser: WallLaser) -> Iterator[Record]:
+    view = LaserView(course.floor, laser.place)
+    number = 0
+    while (time_s := laser.first_s + number * SCAN_PERIOD_S) < settings.duration_s:
+        ranges = view.sweep(course.at(time_s), course.at(time_s + SWEEP_S))
+        spoilt = measured(ranges.true_m, noise(settings, Stream.WALL_LASER, number * 10 + laser.number))
+        data = scan_data(stamp_us(time_s), spoilt, laser.name)
+        yield Record(stamp_us(time_s + SCAN_DELAY_S), f"/{laser.name}/scan", data)
+        number += 1
+
+
+def _static(settings: OfficeSettings) -> Iterator[Record]:
     at_us = stamp_us(-TF_LEAD_S)
-    yield Record(at_us, STATIC_TF, tf_data(STATIC_TF, at_us, STATIC))
+    on_walls = [("map", each.name, each.pose) for each in wall_cameras(settings)]
+    on_walls += [("map", each.name, each.pose) for each in wall_lasers(settings)]
+    yield Record(at_us, STATIC_TF, tf_data(STATIC_TF, at_us, [*STATIC, *on_walls]))
 
 
 def _odometry(settings: OfficeSettings) -> Iterator[Record]:

@@ -21,10 +21,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from semap_ingest.simulation.images import jpegs
 from semap_ingest.simulation.in_view import track_labels
 from semap_ingest.simulation.labels import Labels, label
-from semap_ingest.simulation.message import STATIC_TF, TYPES, Record, typestore
+from semap_ingest.simulation.message import STATIC_TF, Record, type_of, typestore
 from semap_ingest.simulation.recording_stream import ScanStream, image_times, recording
 from semap_ingest.simulation.schedule import Moments
 from semap_ingest.simulation.settings import START_US, OfficeSettings
+from semap_ingest.simulation.wall_sensors import wall_cameras
 
 TENTH_US = 100_000
 NO_TIME = QosTime(0, 0)
@@ -55,7 +56,8 @@ def write_recording(
                 advance(done, total)
     advance(total, total)
     names = tuple(person.name for person in course.people)
-    tracks = track_labels(course.floor, names, scans.stamps_us, scans.moments, scans.ranges)
+    on_walls = wall_cameras(settings)
+    tracks = track_labels(course.floor, names, scans.stamps_us, scans.moments, scans.ranges, on_walls)
     return label(settings, course, tracks)
 
 
@@ -71,7 +73,7 @@ def _mcap(path: Path) -> Iterator[Callable[[Record], None]]:
             if topic not in connections:
                 qos = [LATCHED] if topic == STATIC_TF else []
                 connections[topic] = writer.add_connection(
-                    topic, TYPES[topic], typestore=typestore(), offered_qos_profiles=qos
+                    topic, type_of(topic), typestore=typestore(), offered_qos_profiles=qos
                 )
             writer.write(connections[topic], record.log_us * 1000, record.data)
 

@@ -56,6 +56,8 @@ class OfficeSettings:
     duration_s  at least 93 s hold 16 changes of rooms; a shorter one has fewer in proportion
     camera      with images; without them it takes a second instead of half a minute
     cloud       with the points of a 3D laser
+    wall_cameras, wall_lasers  so many of those of `wall_sensors` besides the robot's: cameras that find boxes
+                by themselves
     """
 
     seed: int = 1
@@ -64,12 +66,17 @@ class OfficeSettings:
     camera: bool = True
     cloud: bool = False
     gaps: tuple[Gap, ...] = ()
+    wall_cameras: int = 0
+    wall_lasers: int = 0
 
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise InvalidInput(f"a seed of {self.seed}", "Give a whole number from 0 on.")
         if not 1 <= self.people <= MOST_PEOPLE:
             raise InvalidInput(f"{self.people} people", f"Give a number from 1 to {MOST_PEOPLE}.")
+        for what, count, most in (("cameras", self.wall_cameras, 6), ("lasers", self.wall_lasers, 2)):
+            if not 0 <= count <= most:
+                raise InvalidInput(f"{count} {what} on walls", f"Give a number from 0 to {most}.")
         if not LEAST_S <= self.duration_s <= LONGEST_S:
             raise InvalidInput(
                 f"a recording of {self.duration_s} s", f"Give {LEAST_S:.0f} to {LONGEST_S:.0f} seconds."

@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
-
-Side = Literal["a", "b"]
+from typing import NamedTuple
 
 
 class Record(NamedTuple):
     """A record of the source `side`."""
 
     stamp_us: int
-    side: Side
+    side: str
     item: object
 
 
@@ -30,7 +28,7 @@ def stamp_of(record: Record) -> int:
     return record.stamp_us
 
 
-def order_of(record: Record) -> tuple[int, Side]:
+def order_of(record: Record) -> tuple[int, str]:
     """Records are merged by it."""
     return record.stamp_us, record.side
 

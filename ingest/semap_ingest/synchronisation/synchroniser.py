@@ -32,7 +32,7 @@ from typing import Generic, Literal, TypeVar, cast
 
 from semap.errors import InvalidInput
 from semap_ingest.synchronisation.clock_jump import ClockJumps
-from semap_ingest.synchronisation.matching import Record, Side, order_of
+from semap_ingest.synchronisation.matching import Record, order_of
 from semap_ingest.synchronisation.outlook import Outlook, settled
 
 NEVER_US = -(2**63)
@@ -71,7 +71,7 @@ class AloneB(Generic[B]):
 @dataclass(frozen=True)
 class Refused(Generic[A, B]):
     stamp_us: int
-    side: Side
+    side: str
     item: A | B
     reason: Reason
 
@@ -99,12 +99,12 @@ class Synchroniser(Generic[A, B]):
     ) -> None:
         _check(a, b, tolerance_us, max_delay_us, max_jump_us)
         self.refused: Counter[Reason] = Counter()
-        self._period_us: dict[Side, int] = {"a": max(1, a.min_period_us), "b": max(1, b.min_period_us)}
+        self._period_us: dict[str, int] = {"a": max(1, a.min_period_us), "b": max(1, b.min_period_us)}
         self._tolerance_us = tolerance_us
         self._max_delay_us = max_delay_us
         self._jumps = ClockJumps(max_jump_us)
-        self._last_us: dict[Side, int] = {"a": NEVER_US, "b": NEVER_US}
-        self._frontier_us: dict[Side, int] = {"a": NEVER_US, "b": NEVER_US}
+        self._last_us: dict[str, int] = {"a": NEVER_US, "b": NEVER_US}
+        self._frontier_us: dict[str, int] = {"a": NEVER_US, "b": NEVER_US}
         self._pending: list[Record] = []
 
     @property
@@ -125,6 +125,14 @@ class Synchroniser(Generic[A, B]):
     def add_b(self, stamp_us: int, item: B) -> tuple[Output[A, B], ...]:
         """What is final now that this record of the source b has come."""
         return self._add(Record(int(stamp_us), "b", item))
+
+    def pass_to(self, stamp_us: int) -> tuple[Output[A, B], ...]:
+        """What is final now that neither source sends anything before this stamp any more."""
+        if stamp_us <= min(self._frontier_us.values()):
+            return ()
+        for side, frontier_us in self._frontier_us.items():
+            self._frontier_us[side] = max(frontier_us, stamp_us)
+        return self._settled()
 
     def flush(self) -> tuple[Output[A, B], ...]:
         """All that waits: nothing more is to come up to the latest stamp of both sources.
@@ -150,11 +158,14 @@ class Synchroniser(Generic[A, B]):
             return (self._refuse(record, "out_of_order"),)
         if stamp_us <= self.watermark_us:
             return (self._refuse(record, "too_late"),)
-        other: Side = "b" if side == "a" else "a"
+        other = "b" if side == "a" else "a"
         self._last_us[side] = stamp_us
         insort(self._pending, record, key=order_of)
         self._frontier_us[side] = max(self._frontier_us[side], stamp_us + self._period_us[side])
         self._frontier_us[other] = max(self._frontier_us[other], stamp_us - self._max_delay_us)
+        return self._settled()
+
+    def _settled(self) -> tuple[Output[A, B], ...]:
         a = Outlook(self._frontier_us["a"], self._period_us["a"])
         b = Outlook(self._frontier_us["b"], self._period_us["b"])
         return self._give_out(settled(self._pending, a, b, self._tolerance_us))
@@ -178,7 +189,7 @@ class Synchroniser(Generic[A, B]):
         return Refused(record.stamp_us, record.side, cast("A | B", record.item), reason)
 
 
-def _side_of(record: Record) -> Side:
+def _side_of(record: Record) -> str:
     return record.side
 
 

@@ -1,20 +1,21 @@
 """What a map tracker had mistaken before and finds out now.
 
-Merged, while both live: for `merge_us` and `merge_frames` without a break two confirmed tracks were
-nearer to one another than two bodies can be and went at the same velocity, each was detected in some
-frame and never both in one, and they had not different image tracks at a time. The younger is over; the
-older goes on. It is said to hold from when they came together, or from the younger's beginning.
+Merged, while both live: for `merge_us` and `merge_frames` without a break two confirmed tracks were nearer
+to one another than two bodies can be and went at the same velocity, each was detected in some look of a
+sensor and never both in one, and they had not different hints of one sensor at a time (a hint is who it is
+to the sensor, such as an image track). The younger is over; the older goes on. It is said to hold from when
+they came together, or from the younger's beginning.
 
 Merged, one after the other: a track is over, and one that began after the first was last seen, no further
-than a person comes in that time, has had the first's image track since. The younger goes on under its own
+than a person comes in that time, has had the first's hint since. The younger goes on under its own
 number. It is said to hold from the younger's beginning.
 
-Switched: two confirmed tracks have each had an image track (their home) for `home_frames`. Then each was
-seen with the home of the other, for `switch_us` and in `switch_frames` frames, without once being seen
-with its own. And after both were last seen with their own they were rivals for a detection of which no
-image track told whose it is, so that the map tracker may well have been wrong; where it was never in
-doubt, the image tracker has mistaken them, and nothing is said. It holds from the first frame in which
-one of the two was seen with the home of the other.
+Switched: two confirmed tracks have each had a hint of a sensor (their home) for `home_frames`. Then each
+was seen with the home of the other, for `switch_us` and in `switch_frames` frames, without once being seen
+with its own. And after both were last seen with their own they were rivals for a detection of which no hint
+told whose it is, so that the map tracker may well have been wrong; where it was never in doubt, the sensor
+has mistaken them, and nothing is said. What one sensor's hints tell is not told again by another's. It
+holds from the first frame in which one of the two was seen with the home of the other.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class _Together:
 
 @dataclass(frozen=True)
 class _Follows:
-    """Which image track a map track has had: `home`, and another one since it was last seen with that."""
+    """Which hint of a sensor a track has had: `home`, and another one since it was last seen with that."""
 
     home: int
     home_frames: int
@@ -71,12 +72,12 @@ class _Follows:
     other_frames: int = 0
     since_us: int = 0
 
-    def seen(self, image_track: int, stamp_us: int) -> _Follows:
-        if image_track == self.home:
+    def seen(self, hint: int, stamp_us: int) -> _Follows:
+        if hint == self.home:
             return _Follows(self.home, self.home_frames + 1, stamp_us)
-        if image_track == self.other:
+        if hint == self.other:
             return replace(self, other_frames=self.other_frames + 1)
-        return replace(self, other=image_track, other_frames=1, since_us=stamp_us)
+        return replace(self, other=hint, other_frames=1, since_us=stamp_us)
 
     def moved(self, stamp_us: int) -> _Follows:
         return _Follows(self.other, self.other_frames, stamp_us)
@@ -86,7 +87,7 @@ class _Follows:
 class _Over:
     seen_us: int
     position_m: NDArray[np.float64]
-    image_track: int
+    hint: int
 
 
 class Amender:
@@ -98,9 +99,10 @@ class Amender:
     def __init__(self, evidence: Evidence) -> None:
         self._evidence = evidence
         self._together: dict[Pair, _Together] = {}
-        self._follows: dict[int, _Follows] = {}
+        self._follows: dict[tuple[int, int], _Follows] = {}
+        """By a track's number and the sensor whose hints they are."""
         self._rivals: dict[Pair, int] = {}
-        self._over: dict[int, _Over] = {}
+        self._over: dict[tuple[int, int], _Over] = {}
         self._joined: set[int] = set()
 
     def merged_alive(self, tracks: MapTracks, stamp_us: int) -> list[TrackAmendment]:
@@ -150,9 +152,10 @@ class Amender:
         unseen_s = (stamp_us - over.seen_us)[:, None] / 1e6
         last_m = over.mean[:, :2] - over.mean[:, 2:] * unseen_s
         for number, seen_us, place_m in zip(over.number.tolist(), over.seen_us.tolist(), last_m, strict=True):
-            follows = self._follows.get(number)
-            if follows is not None and self._is_at_home(follows):
-                self._over[number] = _Over(seen_us, place_m, follows.home)
+            for sensor in range(over.hint.shape[1]):
+                follows = self._follows.get((number, sensor))
+                if follows is not None and self._is_at_home(follows):
+                    self._over[number, sensor] = _Over(seen_us, place_m, follows.home)
         tracks = tracks if tracks.is_confirmed.all() else tracks.chosen(tracks.is_confirmed)
         self._forget(tracks, stamp_us)
         self._follow(tracks, stamp_us)
@@ -162,38 +165,37 @@ class Amender:
         """What can play no part any more."""
         alive = set(tracks.number.tolist())
         oldest_us = stamp_us - self._evidence.remembered_us
-        self._over = {number: one for number, one in self._over.items() if one.seen_us >= oldest_us}
+        self._over = {key: one for key, one in self._over.items() if one.seen_us >= oldest_us}
         self._rivals = {
             pair: last_us
             for pair, last_us in self._rivals.items()
             if last_us >= oldest_us and alive >= {*pair}
         }
-        self._follows = {number: follows for number, follows in self._follows.items() if number in alive}
+        self._follows = {key: follows for key, follows in self._follows.items() if key[0] in alive}
         self._joined &= alive
 
     def _follow(self, tracks: MapTracks, stamp_us: int) -> None:
-        rows = np.flatnonzero((tracks.image_seen_us == stamp_us) & (tracks.image_track >= 0))
-        for number, image_track in zip(
-            tracks.number[rows].tolist(), tracks.image_track[rows].tolist(), strict=True
-        ):
-            before = self._follows.get(number)
-            self._follows[number] = (
-                _Follows(image_track, 1, stamp_us) if before is None else before.seen(image_track, stamp_us)
+        for row, sensor in np.argwhere((tracks.hinted_us == stamp_us) & (tracks.hint >= 0)).tolist():
+            key, hint = (int(tracks.number[row]), sensor), int(tracks.hint[row, sensor])
+            before = self._follows.get(key)
+            self._follows[key] = (
+                _Follows(hint, 1, stamp_us) if before is None else before.seen(hint, stamp_us)
             )
 
     def _merged_in_turn(self, tracks: MapTracks, stamp_us: int) -> list[TrackAmendment]:
-        by_image = {one.image_track: number for number, one in self._over.items()}
+        by_hint = {one.hint: key for key, one in self._over.items()}
+        row_of = {number: row for row, number in enumerate(tracks.number.tolist())} if by_hint else {}
         found = []
-        for row in range(len(tracks)) if by_image else ():
-            number, began_us = int(tracks.number[row]), int(tracks.begun_us[row])
-            follows = self._follows.get(number)
-            if follows is None or number in self._joined or not self._is_at_home(follows):
+        for (number, _), follows in sorted(self._follows.items()) if by_hint else ():
+            if number in self._joined or number not in row_of or not self._is_at_home(follows):
                 continue
-            other = by_image.get(follows.home)
+            other, row = by_hint.get(follows.home), row_of[number]
+            began_us = int(tracks.begun_us[row])
             if other is not None and self._comes(self._over[other], began_us, tracks.begun_m[row]):
-                found.append(TrackAmendment("merged", number, other, began_us, stamp_us))
+                found.append(TrackAmendment("merged", number, other[0], began_us, stamp_us))
                 self._joined.add(number)
-                del self._over[other], by_image[follows.home]
+                self._over = {key: one for key, one in self._over.items() if key[0] != other[0]}
+                by_hint = {one.hint: key for key, one in self._over.items()}
         return found
 
     def _is_at_home(self, follows: _Follows) -> bool:
@@ -207,32 +209,38 @@ class Amender:
         return gap_s > 0 and way_m <= reach_m
 
     def _switched(self, stamp_us: int) -> list[TrackAmendment]:
-        """Switches found now. Who has stayed with another image track is at home there from now on."""
+        """Switches found now. Who has stayed with another hint is at home there from now on."""
         evidence = self._evidence
-        owner = {follows.home: number for number, follows in self._follows.items()}
+        owner = {follows.home: key for key, follows in self._follows.items()}
         stayed = [
-            number
-            for number, follows in self._follows.items()
+            key
+            for key, follows in self._follows.items()
             if follows.other_frames >= evidence.switch_frames
             and stamp_us - follows.since_us >= evidence.switch_us
         ]
         found = []
-        for number in sorted(stayed):
-            here = self._follows[number]
+        for key in sorted(stayed):
+            here = self._follows.get(key)
+            if here is None or here.other < 0:
+                continue
             other = owner.get(here.other)
-            if here.other < 0:
-                continue
-            if other is None or other == number:
-                self._follows[number] = here.moved(stamp_us)
-                continue
-            there = self._follows[other]
-            if other in stayed and there.other == here.home:
-                pair = (min(number, other), max(number, other))
+            there = None if other is None else self._follows.get(other)
+            if other is None or there is None or other == key:
+                self._follows[key] = here.moved(stamp_us)
+            elif other in stayed and there.other == here.home:
+                pair = (min(key[0], other[0]), max(key[0], other[0]))
+                self._follows[key], self._follows[other] = here.moved(stamp_us), there.moved(stamp_us)
                 if self._was_in_doubt(pair, here, there):
                     since_us = min(here.since_us, there.since_us)
                     found.append(TrackAmendment("switched", pair[1], pair[0], since_us, stamp_us))
-                self._follows[number], self._follows[other] = here.moved(stamp_us), there.moved(stamp_us)
+                    self._forget_elsewhere(pair, key[1])
         return found
+
+    def _forget_elsewhere(self, pair: Pair, sensor: int) -> None:
+        """What other sensors would tell of two tracks that one has told already."""
+        self._follows = {
+            key: follows for key, follows in self._follows.items() if key[0] not in pair or key[1] == sensor
+        }
 
     def _was_in_doubt(self, pair: Pair, here: _Follows, there: _Follows) -> bool:
         last_us = self._rivals.get(pair)
@@ -251,11 +259,11 @@ def _close_pairs(
     offset = tracks.mean[rows, None, :] - tracks.mean[None, rows, :]
     is_close = np.hypot(offset[..., 0], offset[..., 1]) < evidence.merge_distance_m
     is_close &= np.hypot(offset[..., 2], offset[..., 3]) < evidence.merge_speed_mps
-    is_seen = tracks.seen_us[rows] == stamp_us
-    is_close &= ~(is_seen[:, None] & is_seen[None, :])
-    has_image = (tracks.image_track[rows] >= 0) & (stamp_us - tracks.image_seen_us[rows] <= evidence.merge_us)
-    differs = tracks.image_track[rows][:, None] != tracks.image_track[rows][None, :]
-    is_close &= ~(has_image[:, None] & has_image[None, :] & differs)
+    looks = tracks.looks[rows]
+    is_close &= (looks[:, None] & looks[None, :]) == 0
+    is_hinted = (tracks.hint[rows] >= 0) & (stamp_us - tracks.hinted_us[rows] <= evidence.merge_us)
+    differs = tracks.hint[rows][:, None] != tracks.hint[rows][None, :]
+    is_close &= ~(is_hinted[:, None] & is_hinted[None, :] & differs).any(axis=2)
     first, second = np.nonzero(is_close)
     is_older = first < second
     return list(zip(rows[first[is_older]].tolist(), rows[second[is_older]].tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Which detection is of which track: by place, by how credible each is, and by the image track.
+"""Which detection is of which track: by place, by how credible each is, and by the sensor's hint.
 
 The cost of a pair is minus twice the log of how much more likely it is that the detection is of the
 track's person than that the person was missed and the detection is of somebody new, or of nobody
@@ -8,11 +8,12 @@ track's person than that the person was missed and the detection is of somebody 
         against  (1 - detected) * (new_per_m2 * score + false_per_m2 * (1 - score))
 
 with N the normal density where the track is expected. The longer a person was not seen, the less likely
-it is that it is seen now. Odds of the image track come on top. Where the cost is not below zero, or the
+it is that it is seen now; where the sensor does not look, it is hardly seen. Odds of the hint (who it
+is to the sensor itself, such as an image track) come on top. Where the cost is not below zero, or the
 detection outside of the gate, no pair is made.
 
 A track may have slipped from its person's legs to what stands beside them, a post or the edge of a leaf. So
-the detection that has its image track may lie outside of the gate: then the place of the track is taken to
+the detection that has its hint may lie outside of the gate: then the place of the track is taken to
 be less certain by `slip_m`, and such a pair says that it was.
 """
 
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semap_ingest.sensing.detections import Detections
+from semap_ingest.sensing.detections import Detections, sensor_of
 from semap_ingest.tracking.assignment import Indices, assign
 from semap_ingest.tracking.deletion import Patience
 from semap_ingest.tracking.kalman import Distances, distances
@@ -40,11 +41,12 @@ class Association:
     gate                   Mahalanobis distance squared, 0.999 of chi-square with two degrees of freedom
     new_per_m2             persons in a frame that no track knows
     false_per_m2           detections in a frame of what is no person
-    confirmed, unconfirmed probability that the person of such a track, seen just now, is detected
+    unconfirmed            how much less likely the person of such a track is detected, seen just now
+    out_of_sight           the same where the sensor does not look: tracks are beside their persons
     hidden_s               time unseen in which that falls to 1/e
-    same_image_track       log odds when the detection has the image track that the track had
-    other_image_track      log odds, against, when it has another one
-    taken_image_track      log odds, against, when another track had it
+    same_hint              log odds when the detection has the hint that the track had of that sensor
+    other_hint             log odds, against, when it has another one
+    taken_hint             log odds, against, when another track had it
     slip_m                 how far a track may have slipped, as a standard deviation
     rival_margin           two tracks were rivals where exchanging their detections, or giving the one's to
                            the other that has none, would have cost at most so much more, by place alone
@@ -53,12 +55,12 @@ class Association:
     gate: float = 13.8
     new_per_m2: float = 0.02
     false_per_m2: float = 0.1
-    confirmed: float = 0.9
-    unconfirmed: float = 0.45
+    unconfirmed: float = 0.5
+    out_of_sight: float = 0.05
     hidden_s: float = 1.5
-    same_image_track: float = 3.0
-    other_image_track: float = 1.0
-    taken_image_track: float = 2.0
+    same_hint: float = 3.0
+    other_hint: float = 1.0
+    taken_hint: float = 2.0
     slip_m: float = 0.3
     rival_margin: float = 14.0
 
@@ -68,7 +70,7 @@ class Pairs:
     """Rows of tracks and of the detections that are theirs, and which tracks could be mistaken.
 
     has_slipped  of each pair: the track had been beside its person
-    rivals       (r, 2) rows of tracks; the first has a detection, for which no image track spoke
+    rivals       (r, 2) rows of tracks; the first has a detection, for which no hint spoke
     """
 
     track: Indices
@@ -91,10 +93,11 @@ def associate(
     """
     distance = distances(tracks.motion, detections.position_m, covariance_m2)
     unseen_us = detections.stamp_us - tracks.seen_us
-    has_image = (tracks.image_track >= 0) & (
-        detections.stamp_us - tracks.image_seen_us <= patience.by_image_us
-    )
-    is_same = has_image[:, None] & (tracks.image_track[:, None] == detections.image_track)
+    sensor = sensor_of(detections.hint)
+    hint = tracks.hint[:, sensor]
+    is_recent = detections.stamp_us - tracks.hinted_us[:, sensor] <= patience.by_hint_us
+    is_hinted = (hint >= 0) & is_recent & (detections.hint >= 0)
+    is_same = is_hinted & (hint == detections.hint)
     slipped = is_same & (distance.squared > settings.gate)
     if slipped.any():
         slip_m2 = settings.slip_m**2 * np.eye(2)
@@ -106,18 +109,21 @@ def associate(
     can_be = (distance.squared <= settings.gate) & ((unseen_us <= patience.confirmed_us)[:, None] | is_same)
     by_place = np.where(can_be, distance.squared + distance.log_determinant, np.inf)
     cost = by_place + 2 * math.log(2 * math.pi)
-    cost -= 2 * _detection_log_odds(tracks, unseen_us, settings)[:, None]
+    cost -= 2 * _detection_log_odds(tracks, unseen_us, detections, settings)[:, None]
     cost -= 2 * np.log(_person_odds(detections.score, settings))
-    cost -= 2 * _image_log_odds(is_same, has_image, detections.image_track, settings)
+    cost -= 2 * _hint_log_odds(is_same, is_hinted, settings)
     rows, columns = assign(cost, 0.0)
-    extra = np.where(detections.image_track[columns] < 0, _extra(by_place, rows, columns), np.inf)
+    extra = np.where(detections.hint[columns] < 0, _extra(by_place, rows, columns), np.inf)
     other, pair = np.nonzero(extra <= settings.rival_margin)
     return Pairs(rows, columns, slipped[rows, columns], np.column_stack([rows[pair], other]))
 
 
-def _detection_log_odds(tracks: MapTracks, unseen_us: Indices, settings: Association) -> Floats:
+def _detection_log_odds(
+    tracks: MapTracks, unseen_us: Indices, detections: Detections, settings: Association
+) -> Floats:
     """(n,) that the person is detected rather than missed"""
-    at_once = np.where(tracks.is_confirmed, settings.confirmed, settings.unconfirmed)
+    at_once = detections.detected * np.where(tracks.is_confirmed, 1.0, settings.unconfirmed)
+    at_once *= np.where(detections.sight.reaches(tracks.mean[:, :2]), 1.0, settings.out_of_sight)
     log_detected = np.log(at_once) - unseen_us / (settings.hidden_s * 1e6)
     return np.asarray(log_detected - np.log1p(-np.exp(log_detected)), np.float64)
 
@@ -128,14 +134,12 @@ def _person_odds(score: Floats, settings: Association) -> Floats:
     return np.asarray(np.maximum(score, 1e-6) / others_per_m2, np.float64)
 
 
-def _image_log_odds(
-    is_same: NDArray[np.bool_], has_image: NDArray[np.bool_], image_track: Indices, settings: Association
-) -> Floats:
+def _hint_log_odds(is_same: NDArray[np.bool_], is_hinted: NDArray[np.bool_], settings: Association) -> Floats:
     """(n, m)"""
-    differs = has_image[:, None] & (image_track >= 0) & ~is_same
+    differs = is_hinted & ~is_same
     is_taken = is_same.any(axis=0) & ~is_same
-    log_odds = settings.same_image_track * is_same - settings.other_image_track * differs
-    return np.asarray(log_odds - settings.taken_image_track * is_taken, np.float64)
+    log_odds = settings.same_hint * is_same - settings.other_hint * differs
+    return np.asarray(log_odds - settings.taken_hint * is_taken, np.float64)
 
 
 def _extra(by_place: Floats, rows: Indices, columns: Indices) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semap_ingest.tracking.existence import Existence, probability
 from semap_ingest.tracking.map_tracks import MapTracks
 
 
@@ -14,37 +15,25 @@ from semap_ingest.tracking.map_tracks import MapTracks
 class Patience:
     """How long a track goes on unseen, in event time.
 
-    confirmed_us    after which only its image track can bring it back
-    by_image_us     after which nothing can
-    unconfirmed_us  after which an unconfirmed one is over, if two frames in a row were without it
-    least_score     a track whose detections' scores come down to this on the mean is over: it has slid from
-                    the person to something that stands beside
-    least_standing_score  the same for one that is slower than `standing_mps`, and that the camera has not
-                          seen for `without_image_us`
+    confirmed_us    after which only the hint of a sensor, such as its image track, can bring it back
+    by_hint_us      after which nothing can
+    unconfirmed_us  after which an unconfirmed one is over, if two looks in a row were without it
     """
 
     confirmed_us: int = 1_500_000
-    by_image_us: int = 3_000_000
+    by_hint_us: int = 3_000_000
     unconfirmed_us: int = 300_000
-    least_score: float = 0.25
-    least_standing_score: float = 0.5
-    standing_mps: float = 0.3
-    without_image_us: int = 1_000_000
 
 
-def is_over(tracks: MapTracks, stamp_us: int, patience: Patience) -> NDArray[np.bool_]:
-    """(n,), after the detections of that stamp."""
+def is_over(tracks: MapTracks, stamp_us: int, patience: Patience, existence: Existence) -> NDArray[np.bool_]:
+    """(n,), after the detections of that stamp.
+
+    One that is refuted is over as well: it never was a person, or has slid from one to what stands beside.
+    """
     unseen_us = stamp_us - tracks.seen_us
-    since_image_us = np.where(
-        tracks.image_track >= 0, stamp_us - tracks.image_seen_us, stamp_us - tracks.begun_us
-    )
-    can_return = (tracks.image_track >= 0) & (since_image_us <= patience.by_image_us)
-    is_lost = (unseen_us > patience.confirmed_us) & ~(can_return & (unseen_us <= patience.by_image_us))
-    is_gone = (unseen_us > patience.unconfirmed_us) & (tracks.points[:, :2] == 0).all(axis=1)
-    stands = np.hypot(tracks.mean[:, 2], tracks.mean[:, 3]) < patience.standing_mps
-    is_laser_only = since_image_us > patience.without_image_us
-    least_score = np.where(
-        stands & is_laser_only & tracks.is_confirmed, patience.least_standing_score, patience.least_score
-    )
-    has_slid = tracks.score <= least_score
-    return has_slid | np.where(tracks.is_confirmed, is_lost, is_gone | is_lost)
+    since_hint_us = stamp_us - tracks.hinted_us.max(axis=1)
+    can_return = (tracks.hint >= 0).any(axis=1) & (since_hint_us <= patience.by_hint_us)
+    is_lost = (unseen_us > patience.confirmed_us) & ~(can_return & (unseen_us <= patience.by_hint_us))
+    is_gone = (unseen_us > patience.unconfirmed_us) & (tracks.misses >= 2)
+    is_refuted = probability(tracks, existence) <= existence.refuted
+    return np.asarray(is_refuted | np.where(tracks.is_confirmed, is_lost, is_gone | is_lost), np.bool_)

@@ -23,7 +23,7 @@ def check(detections: Detections) -> None:
         "score": (detections.score, (count,)),
         "seen_by": (detections.seen_by, (count,)),
         "extent_m": (detections.extent_m, (count, 2)),
-        "image_track": (detections.image_track, (count,)),
+        "hint": (detections.hint, (count,)),
     }
     for name, (array, shape) in shapes.items():
         if array.shape != shape:
@@ -50,7 +50,7 @@ def is_covariance(matrices: NDArray[np.float64]) -> bool:
 def in_order(detections: Detections) -> Detections:
     """By place, so that what follows does not depend on the order in which a detector gave them."""
     keys: list[NDArray[Any]] = [
-        detections.image_track,
+        detections.hint,
         detections.seen_by,
         detections.covariance_m2[:, 1, 1],
         detections.covariance_m2[:, 0, 0],
@@ -70,5 +70,5 @@ def chosen(detections: Detections, which: NDArray[Any]) -> Detections:
         score=detections.score[which],
         seen_by=detections.seen_by[which],
         extent_m=detections.extent_m[which],
-        image_track=detections.image_track[which],
+        hint=detections.hint[which],
     )

@@ -8,6 +8,10 @@ time, so that images may come at any rate. Boxes go to tracks by the Jaccard ind
 seen lately, as a person who is nearly hidden scores low. The longer a track was not seen, the further
 both boxes are widened before they are compared (C-BIoU, Yang et al. 2023). A low score alone begins no
 track.
+
+A track is told once its boxes are evidence enough: their scores as log odds, summed as a sequential test does
+(Wald 1945). Images that follow closely show the same view and count in part, so that it takes seconds and not
+images. Old views are forgotten, and who has weak boxes alone for seconds is believed no more.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logit
 
 from semap.errors import InvalidInput
 from semap_ingest.sensing.boxes import Boxes
@@ -24,6 +29,8 @@ from semap_ingest.tracking.kalman import Gaussians, predict, update
 from semap_ingest.tracking.overlap import centre_and_size, corners, jaccard_index, widened
 
 Floats = NDArray[np.float64]
+UNBELIEVED = -1
+LEAST_SCORE = 0.05
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,11 @@ class ImageTrackerSettings:
 
     high_score            from which a box is assigned in the first round
     new_score             from which a box that no track explains begins one
+    believed              log odds from which a track is told
+    neutral_score         of a box that speaks neither for nor against a person
+    view_s                how long images show the same view: nearer ones are evidence in part
+    memory                so many views are remembered
+    missed                log odds of an image without a box of a track that is not believed yet
     min_overlap           Jaccard index that a pair needs, in the first round and in the second
     widening_per_s        share of its size by which a box grows on each side for each second unseen
     max_widening
@@ -44,14 +56,19 @@ class ImageTrackerSettings:
 
     high_score: float = 0.5
     new_score: float = 0.5
-    min_overlap: tuple[float, float] = (0.15, 0.4)
+    believed: float = 4.9
+    neutral_score: float = 0.3
+    view_s: float = 0.1
+    memory: float = 20.0
+    missed: float = -4.0
+    min_overlap: tuple[float, float] = (0.25, 0.5)
     widening_per_s: float = 0.5
     max_widening: float = 0.4
     seen_lately_s: float = 0.6
     kept_s: float = 1.5
-    measurement_std: float = 0.05
-    acceleration_density: float = 1.0
-    speed_std: float = 0.5
+    measurement_std: float = 0.1
+    acceleration_density: float = 0.5
+    speed_std: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +87,16 @@ class _Seen:
 
 @dataclass(frozen=True, eq=False)
 class _ImageTracks:
-    """number, label, seen_us  (n,); box  (n, 8) centre, width, height [px] and their velocities [px/s]"""
+    """number, label, seen_us  (n,); box  (n, 8) centre, width, height [px] and their velocities [px/s]
+
+    number    UNBELIEVED until there is evidence enough
+    evidence  (n,) log odds of there being something
+    """
 
     number: NDArray[np.int64]
     label: NDArray[np.str_]
     seen_us: NDArray[np.int64]
+    evidence: Floats
     box: Gaussians
 
     def __len__(self) -> int:
@@ -82,13 +104,16 @@ class _ImageTracks:
 
     def kept(self, which: NDArray[np.bool_]) -> _ImageTracks:
         box = Gaussians(self.box.mean[which], self.box.covariance[which])
-        return _ImageTracks(self.number[which], self.label[which], self.seen_us[which], box)
+        return _ImageTracks(
+            self.number[which], self.label[which], self.seen_us[which], self.evidence[which], box
+        )
 
     def joined(self, other: _ImageTracks) -> _ImageTracks:
         return _ImageTracks(
             np.concatenate([self.number, other.number]),
             np.concatenate([self.label, other.label]),
             np.concatenate([self.seen_us, other.seen_us]),
+            np.concatenate([self.evidence, other.evidence]),
             Gaussians(
                 np.concatenate([self.box.mean, other.box.mean]),
                 np.concatenate([self.box.covariance, other.box.covariance]),
@@ -112,6 +137,7 @@ class ImageTracker:
             np.zeros(0, np.int64),
             np.zeros(0, np.str_),
             np.zeros(0, np.int64),
+            np.zeros(0),
             Gaussians(np.zeros((0, 8)), np.zeros((0, 8, 8))),
         )
 
@@ -131,11 +157,12 @@ class ImageTracker:
         rows, columns = self._assigned(tracks, seen, boxes.stamp_us)
         fresh = unassigned(len(seen.index), columns)
         fresh = fresh[seen.score[fresh] >= self._settings.new_score]
-        begun = self._begun(seen, fresh, boxes.stamp_us)
+        tracks = self._updated(tracks, rows, seen, columns, boxes.stamp_us)
+        count = len(tracks)
+        tracks = self._told(tracks.joined(self._begun(seen, fresh, boxes.stamp_us)))
         number[seen.index[columns]] = tracks.number[rows]
-        number[seen.index[fresh]] = begun.number
-        tracks = self._updated(tracks, rows, seen.corners_px[columns], boxes.stamp_us)
-        self._tracks = tracks.joined(begun)
+        number[seen.index[fresh]] = tracks.number[count:]
+        self._tracks = tracks.kept(tracks.evidence > 0)
         self._stamp_us, self._frame = boxes.stamp_us, boxes.frame
         return replace(boxes, track=number)
 
@@ -184,10 +211,10 @@ class ImageTracker:
         return np.concatenate([rows, more[0]]), np.concatenate([columns, more[1]])
 
     def _updated(
-        self, tracks: _ImageTracks, rows: Indices, corners_px: Floats, stamp_us: int
+        self, tracks: _ImageTracks, rows: Indices, seen: _Seen, columns: Indices, stamp_us: int
     ) -> _ImageTracks:
         box = Gaussians(tracks.box.mean[rows], tracks.box.covariance[rows])
-        measured = centre_and_size(corners_px)
+        measured = centre_and_size(seen.corners_px[columns])
         box = update(box, measured, self._measurement_covariance(measured))
         mean, covariance, seen_us = (
             tracks.box.mean.copy(),
@@ -195,18 +222,36 @@ class ImageTracker:
             tracks.seen_us.copy(),
         )
         mean[rows], covariance[rows], seen_us[rows] = box.mean, box.covariance, stamp_us
-        return replace(tracks, seen_us=seen_us, box=Gaussians(mean, covariance))
+        told = np.where(tracks.number == UNBELIEVED, self._settings.missed, 0.0)
+        told[rows] = self._evidence(seen.score[columns])
+        told -= tracks.evidence / self._settings.memory
+        since_us = 0 if self._stamp_us is None else stamp_us - self._stamp_us
+        evidence = tracks.evidence + min(since_us / 1e6 / self._settings.view_s, 1.0) * told
+        return replace(tracks, seen_us=seen_us, evidence=evidence, box=Gaussians(mean, covariance))
+
+    def _evidence(self, score: Floats) -> Floats:
+        """Log odds (n,) that boxes of these scores speak for a person."""
+        odds = logit(np.clip(score, LEAST_SCORE, 1 - LEAST_SCORE))
+        return np.asarray(odds - logit(self._settings.neutral_score), np.float64)
+
+    def _told(self, tracks: _ImageTracks) -> _ImageTracks:
+        """Numbers for those that are believed now, in the order of their beginning."""
+        rows = np.flatnonzero((tracks.number == UNBELIEVED) & (tracks.evidence >= self._settings.believed))
+        number = tracks.number.copy()
+        number[rows] = np.arange(self._next_number, self._next_number + len(rows))
+        self._next_number += len(rows)
+        return replace(tracks, number=number)
 
     def _begun(self, seen: _Seen, fresh: Indices, stamp_us: int) -> _ImageTracks:
-        number = np.arange(self._next_number, self._next_number + len(fresh))
-        self._next_number += len(fresh)
+        number = np.full(len(fresh), UNBELIEVED, np.int64)
         measured = centre_and_size(seen.corners_px[fresh])
         covariance = np.zeros((len(fresh), 8, 8))
         covariance[:, :4, :4] = self._measurement_covariance(measured)
         speed_variance = (self._settings.speed_std * measured[:, 3]) ** 2
         covariance[:, 4:, 4:] = speed_variance[:, None, None] * np.eye(4)
         box = Gaussians(np.hstack([measured, np.zeros_like(measured)]), covariance)
-        return _ImageTracks(number, seen.label[fresh], np.full(len(fresh), stamp_us), box)
+        evidence = self._evidence(seen.score[fresh])
+        return _ImageTracks(number, seen.label[fresh], np.full(len(fresh), stamp_us), evidence, box)
 
     def _measurement_covariance(self, centre_and_size_px: Floats) -> Floats:
         variance = (self._settings.measurement_std * centre_and_size_px[:, 3]) ** 2

@@ -3,7 +3,7 @@
 A state of `a` axes is [positions (a), velocities (a)]. Between two stamps the acceleration on each axis
 is white noise of a given density (Bar-Shalom, Li and Kirubarajan 2001, eq. 6.2.2-5: continuous white
 noise acceleration), so that a step may be of any length, and two steps are the same as one of both
-together. What is measured is the positions of all axes, in their order.
+together. The models are filterpy's. What is measured is the positions of all axes, in their order.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from filterpy.common import Q_continuous_white_noise, kinematic_state_transition
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -44,16 +45,10 @@ def predict(states: Gaussians, step_s: float, density: Floats | float) -> Gaussi
 
     density  (n,) or one for all: power spectral density of the acceleration on each axis [m^2/s^3; px^2/s^3]
     """
-    width = states.mean.shape[1]
-    axes = width // 2
-    transition = np.eye(width)
-    transition[:axes, axes:] = step_s * np.eye(axes)
+    axes = states.mean.shape[1] // 2
+    transition = np.kron(kinematic_state_transition(1, step_s), np.eye(axes))
+    noise = Q_continuous_white_noise(2, step_s, 1.0, axes, order_by_dim=False)
     covariance = transition @ states.covariance @ transition.T
-    noise = np.zeros((width, width))
-    position, velocity = np.arange(axes), np.arange(axes, width)
-    noise[position, position] = step_s**3 / 3
-    noise[position, velocity] = noise[velocity, position] = step_s**2 / 2
-    noise[velocity, velocity] = step_s
     covariance += np.asarray(density, np.float64)[..., None, None] * noise
     return Gaussians(states.mean @ transition.T, covariance)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semap_ingest.sensing.detections import sensor_of
 from semap_ingest.tracking.kalman import Gaussians
 
 Floats = NDArray[np.float64]
@@ -26,11 +27,14 @@ class MapTracks:
     begun_us        (n,)
     seen_us         (n,) stamp of the last detection
     detections      (n,) how many
-    points          (n, k) uint8, what the last k frames gave towards confirmation, the newest first
-    score           (n,) mean of its detections' scores, the latest counting more
-    seen_by         (n,) uint8, all sensors that ever saw it
-    image_track     (n,) the last image track that was its; -1: none
-    image_seen_us   (n,) when it was
+    looks           (n,) int64, a bit for each look of its last moment in which it was detected
+    evidence        (n,) log odds gained since it began (`existence`)
+    looked_us       (n, s) when each sensor last looked where it is
+    misses          (n,) looks in a row that could have seen it and did not
+    frames          (n,) detections within the time that a body sways (`walking`)
+    seen_by         (n,) uint8, all kinds of sensors that ever saw it
+    hint            (n, s) who it was last to each of s sensors; -1: they never said
+    hinted_us       (n, s) when it was
     extent_m        (n, 2) length and width
     extent_m2       (n, 2) variance of both
     heading_rad     (n,) NaN before it has walked
@@ -43,11 +47,14 @@ class MapTracks:
     begun_us: Integers
     seen_us: Integers
     detections: Integers
-    points: NDArray[np.uint8]
-    score: Floats
+    looks: Integers
+    evidence: Floats
+    looked_us: Integers
+    misses: Integers
+    frames: Floats
     seen_by: NDArray[np.uint8]
-    image_track: Integers
-    image_seen_us: Integers
+    hint: Integers
+    hinted_us: Integers
     extent_m: Floats
     extent_m2: Floats
     heading_rad: Floats
@@ -62,6 +69,14 @@ class MapTracks:
     @property
     def is_confirmed(self) -> NDArray[np.bool_]:
         return np.asarray(self.number != UNCONFIRMED, np.bool_)
+
+    def hinted(self, hint: Integers, stamp_us: int) -> MapTracks:
+        """The same, and (n,) who each is to a sensor now; -1: it does not say."""
+        hints, hinted_us = self.hint.copy(), self.hinted_us.copy()
+        rows = np.flatnonzero(hint >= 0)
+        hints[rows, sensor_of(hint[rows])] = hint[rows]
+        hinted_us[rows, sensor_of(hint[rows])] = stamp_us
+        return replace(self, hint=hints, hinted_us=hinted_us)
 
     def chosen(self, which: NDArray[Any]) -> MapTracks:
         """The rows that a mask or indices name."""
@@ -87,8 +102,8 @@ class MapTracks:
 _NAMES = tuple(field.name for field in fields(MapTracks))
 
 
-def no_tracks(frames: int) -> MapTracks:
-    """None yet; `frames` is k of `points`."""
+def no_tracks(sensors: int) -> MapTracks:
+    """None yet; `sensors` is s of `hint`."""
     none, stamps = np.zeros(0), np.zeros(0, np.int64)
     return MapTracks(
         number=stamps,
@@ -98,11 +113,14 @@ def no_tracks(frames: int) -> MapTracks:
         begun_us=stamps,
         seen_us=stamps,
         detections=stamps,
-        points=np.zeros((0, frames), np.uint8),
-        score=none,
+        looks=stamps,
+        evidence=none,
+        looked_us=np.zeros((0, sensors), np.int64),
+        misses=stamps,
+        frames=none,
         seen_by=np.zeros(0, np.uint8),
-        image_track=stamps,
-        image_seen_us=stamps,
+        hint=np.zeros((0, sensors), np.int64),
+        hinted_us=np.zeros((0, sensors), np.int64),
         extent_m=np.zeros((0, 2)),
         extent_m2=np.zeros((0, 2)),
         heading_rad=none,
