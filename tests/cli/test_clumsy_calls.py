@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from test_map_commands import Semap, semap
+
+from semap.store.database.connection import connect
 
 __all__ = ["semap"]
 
@@ -30,10 +33,37 @@ def test_what_is_not_there_is_named(office: Semap, tmp_path: Path) -> None:
     for call in (
         ("rule", "list"), ("rule", "late"), ("rule", "replay-late"), ("rule", "add", rule), ("rule", "test", rule),
         ("log", "export", tmp_path / "log.csv"), ("plot", "timeline", tmp_path / "log.svg"),
-        ("recompute", BEFORE, THEN),
+        ("recompute", BEFORE, THEN), ("track", "list"), ("track", "amendments"), ("door", "list"), ("query", "list"),
+        ("source", "list"), ("relations",), ("events",), ("doctor", "--verify"),
     ):  # fmt: skip
-        status, _, said = office(*call, "--map", "nowhere")
-        assert (status, "There is no map nowhere." in said) == (2, True), call
+        for name, told in (("nowhere", "nowhere"), ("", "(an empty name)")):
+            status, _, said = office(*call, "--map", name)
+            assert (status, f"There is no map {told}." in said) == (2, True), call
+    status, _, said = office("map", "import", tmp_path / "office.yaml", "--map", "")
+    assert (status, "a map without a name" in said) == (2, True)
+
+
+def test_what_others_wrote_does_not_reach_the_terminal_as_a_command(office: Semap, database: str) -> None:
+    name = "a\a\x1b]0;title\x07b\x9b2J\x7f\u202ec\nd"
+    with connect(database) as connection:
+        connection.execute("insert into semap.source (map_id, name) select map_id, 's' from semap.map")
+        connection.execute(
+            "insert into semap.track (uid, source_id, map_id, name)"
+            " select gen_random_uuid(), source_id, map_id, %s from semap.source",
+            [name],
+        )
+        connection.execute(
+            "insert into semap.track_state (track_id, stamp, x_m, y_m) select track_id, now(), 3, 1 from semap.track"
+        )
+    seen = r"a\u0007\u001b]0;title\u0007b\u009b2J\u007f\u202ec\nd"
+    for call in (("track", "list"), ("relations",)):
+        status, shown, _ = office(*call)
+        assert (status, seen in shown) == (0, True), shown
+    status, shown, _ = office("track", "list", "--json")
+    assert {char for char in shown if not char.isprintable()} == {"\n"}
+    assert json.loads(shown)[0]["track"] == name
+    status, _, said = office("rule", "list", "--map", name)
+    assert (status, seen.replace(r"\n", "\n") in said) == (2, True), said
 
 
 def test_spans_and_formats_that_are_none(office: Semap, tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import subprocess
 import sys
 
 SLOW_TO_IMPORT = (
-    "alembic", "fastapi", "httpx", "jinja2", "matplotlib", "numpy", "opentelemetry", "pandas", "prometheus_client",
-    "psycopg", "pydantic", "rich", "scipy", "shapely", "sqlalchemy", "trimesh", "uvicorn", "yaml",
+    "alembic", "fastapi", "filterpy", "httpx", "jinja2", "matplotlib", "numpy", "opentelemetry", "pandas",
+    "prometheus_client", "psycopg", "pydantic", "rich", "scipy", "shapely", "sqlalchemy", "trimesh", "uvicorn", "yaml",
 )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from door_scene import PAPER, DoorScene
@@ -36,6 +37,45 @@ def test_a_dry_run_shows_events_and_writes_none(scene: DoorScene) -> None:
     assert semap(dsn, "rule", "test", "-", "--map", "nowhere", stdin=OPENED).returncode == 2
 
 
+def test_a_rule_is_said_in_one_sentence(scene: DoorScene) -> None:
+    said = done(scene.world.dsn, "rule", "describe", "--file", "-", stdin=OPENED)
+    assert said.startswith("For each room, it makes opened_then_entered when door becomes open")
+    done(scene.world.dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
+    assert done(scene.world.dsn, "rule", "describe", "opened_then_entered") == said
+    assert semap(scene.world.dsn, "rule", "describe").returncode == 2
+
+
+def test_rules_are_proposed_out_of_what_is_stored(scene: DoorScene) -> None:
+    dsn = scene.world.dsn
+    for number in range(5):
+        scene.passage(300 + 200 * number)
+    scene.watermark(2000)
+    asked = (
+        "rule",
+        "mine",
+        "--map",
+        "world",
+        "--input",
+        "door",
+        "--input",
+        "track_in_room",
+        "--within",
+        "30 s",
+    )
+    found = json.loads(done(dsn, *asked, "--json"))
+    entered = next(each for each in found if each["name"] == "open_then_began_by_room")
+    # each opening is of two rooms, and one of these is entered
+    assert (entered["support"], entered["confidence"]) == (6, 0.5)
+    assert len(entered["events"]) == 6
+    shown = done(dsn, *asked, "--most", "1")
+    (text,) = shown.split("---\n")[1:]
+    assert done(dsn, "rule", "test", "-", "--map", "world", stdin=text).count("\n") >= 5
+    assert scene.events() == []
+    refused = semap(dsn, "rule", "mine", "--map", "world", "--input", "nothing")
+    assert refused.returncode == 0
+    assert "0 rules proposed" in refused.stderr
+
+
 def test_why_and_why_not(scene: DoorScene) -> None:
     dsn = scene.world.dsn
     done(dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
@@ -50,9 +90,43 @@ def test_why_and_why_not(scene: DoorScene) -> None:
     why_not = done(dsn, *asked, "1970-01-01T00:05:03Z")
     assert "it found nothing" in why_not
     assert "no  track = first(O.actor): 'somebody else' = 'eve'" in why_not
-    wrong = semap(dsn, "rule", "explain", "opened_then_entered", "--at", "1970-01-01T00:01:43Z")
+    of_all = done(dsn, "rule", "explain", "opened_then_entered", "--at", "1970-01-01T00:05:03Z")
+    assert "An attempt came to nothing:" in of_all
+    assert "next would have been E" in of_all
+    assert "of 2 keys" in of_all
+    wrong = semap(
+        dsn, "rule", "explain", "opened_then_entered", "--at", "1970-01-01T00:01:43Z", "--key", "track=ann"
+    )
     assert wrong.returncode == 2
-    assert "--key room=" in wrong.stderr
+    assert "Its key is room" in wrong.stderr
+
+
+def test_a_certificate_is_checked_by_itself_and_against_what_is_stored(
+    scene: DoorScene, tmp_path: Path
+) -> None:
+    dsn = scene.world.dsn
+    done(dsn, "rule", "add", "-", "--map", "world", stdin=OPENED)
+    file = tmp_path / "certificate.json"
+    span = ("--from", "1970-01-01T00:01:00Z", "--to", "1970-01-01T00:03:00Z")
+    said = done(dsn, "rule", "explain", "opened_then_entered", *span, "--certificate", str(file))
+    assert "makes opened_then_entered at 1970-01-01T00:01:43.000000Z:" in said
+    assert done(dsn, "rule", "verify", str(file)) == said
+    assert "those that are stored" in done(dsn, "rule", "verify", str(file), "--stored")
+
+    document = json.loads(file.read_text())
+    lie = {**document, "events": []}
+    refused = semap(dsn, "rule", "verify", "-", stdin=json.dumps(lie))
+    assert refused.returncode == 2
+    assert "the rule also makes" in refused.stderr
+    # of no rows nothing follows, and so it holds by itself
+    omitted = {**lie, "streams": [], "attempts": [], "other_attempts": 0}
+    assert "makes no event" in done(dsn, "rule", "verify", "-", stdin=json.dumps(omitted))
+    refused = semap(dsn, "rule", "verify", "-", "--stored", stdin=json.dumps(omitted))
+    assert refused.returncode == 2
+    assert "other rows are stored" in refused.stderr
+    other = {**document, "rule": {**document["rule"], "where": "type <> 'never'"}}
+    refused = semap(dsn, "rule", "verify", "-", "--stored", stdin=json.dumps(other))
+    assert "was not so in version 1" in refused.stderr
 
 
 def test_a_rule_learns_its_next_version(scene: DoorScene) -> None:

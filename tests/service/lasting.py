@@ -23,7 +23,7 @@ from server import fresh_database
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 
 PATIENCE_S = 90.0
 

@@ -15,13 +15,13 @@ import shapely
 from following import any_message, deaf, drained, events, message, narrow, numbers
 from patience import PATIENCE_S, until
 from running import START, Service
-from semap_service.documents.document import rfc3339
 from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import Connection, create_engine
 from web_socket import connect
 from websockets.exceptions import ConnectionClosed
 
 from semap.store.database.event_number import newest_event
+from semap.timeline.stamp import rfc3339
 
 
 def hello(cursor: int, head: int, oldest: int | None, resumed: str) -> dict:

@@ -13,12 +13,12 @@ from following import narrow
 from jsonschema import Draft202012Validator
 from patience import PATIENCE_S
 from running import START, Service
-from semap_service.documents.document import rfc3339
 from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
 from web_socket import connect
 from websockets.exceptions import ConnectionClosed
 
 from semap.store.motion.live import LiveMap, live_map
+from semap.timeline.stamp import rfc3339
 
 SCHEMAS = {
     kind: Draft202012Validator(

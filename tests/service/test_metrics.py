@@ -108,7 +108,15 @@ def test_both_formats_hold_the_same_and_keep_the_conventions(service: Service) -
         name
         for name in as_openmetrics
         if name.startswith(
-            ("semap_feed", "semap_webhook", "semap_received", "semap_late", "semap_source", "semap_dropped")
+            (
+                "semap_feed",
+                "semap_webhook",
+                "semap_received",
+                "semap_late",
+                "semap_source",
+                "semap_dropped",
+                "semap_bridge",
+            )
         )
     }  # families without a sample are only announced
     assert all(CONVENTIONAL.fullmatch(name) for name in as_text if not name.startswith("python"))

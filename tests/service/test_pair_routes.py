@@ -84,8 +84,8 @@ def test_what_holds_and_what_held(service: Service, plain: psycopg.Connection) -
     of_rooms = service.client.post("/queries", json=rests).json()
     service.client.patch(f"/queries/{of_rooms['id']}", json={"enabled": False})
     plain.execute(
-        "insert into semap.pair (map_id, query_id, subject_instance_id, instance_id, confirmed, since, pending)"
-        " values (%s, %s, %s, %s, true, %s, true)",
+        "insert into semap.relation (in_pairs, map_id, query_id, subject_instance_id, instance_id, confirmed, since,"
+        " pending, raw) values (true, %s, %s, %s, %s, true, %s, true, true)",
         [map_id, of_rooms["id"], rooms[0]["id"], rooms[1]["id"], second(2)],
     )
 
@@ -114,7 +114,7 @@ def test_what_holds_and_what_held(service: Service, plain: psycopg.Connection) -
     ):
         asked = {} if as_of is None else {"as_of": second(as_of)}
         assert service.get("/relations", **asked)["relations"] == expected
-        paged, after = [], "0-0-0"
+        paged, after = [], "0-0-0-0"
         while after is not None:
             page = service.get("/relations", limit=1, after=after, **asked)
             paged += page["relations"]

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+from collections.abc import MutableMapping
+from typing import Any
+
 import pytest
 import shapely
 from rule_work import await_progress, running_worker
@@ -9,6 +14,7 @@ from running import Service
 from semap_service.routes import rule_runs
 from world import World
 
+from semap.certificate import verify
 from semap.rules.matching import pattern_program
 
 VISITS = {"input": "track_in_room", "emit": {"began": "came", "ended": "went"}}
@@ -52,6 +58,38 @@ def test_a_dry_run_gives_the_events_that_would_be(visits: World, service: Servic
     assert visits.rows("select 1 from semap.event") == []
 
 
+def test_a_dry_run_ends_when_whoever_asked_has_gone(visits: World, service: Service) -> None:
+    """As the server tells the application: the body, and then that the connection is closed."""
+    body = json.dumps({"map": "world", "declaration": VISITS}).encode()
+    sent: list[MutableMapping[str, Any]] = []
+    coming = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def receive() -> dict[str, object]:
+        return coming.pop(0) if coming else {"type": "http.disconnect"}
+
+    async def send(message: MutableMapping[str, Any]) -> None:
+        sent.append(message)
+
+    headers = [(b"content-type", b"application/json"), (b"host", b"127.0.0.1")]
+    scope = {
+        "type": "http",
+        "asgi": {"version": "3.0"},
+        "http_version": "1.1",
+        "method": "POST",
+        "scheme": "http",
+        "path": "/rules/dry-run",
+        "raw_path": b"/rules/dry-run",
+        "query_string": b"",
+        "headers": headers,
+        "client": ("127.0.0.1", 1),
+        "server": ("127.0.0.1", 80),
+        "state": {},
+    }
+    asyncio.run(service.app(scope, receive, send))
+    assert sent[0]["status"] == 413
+    assert b"has gone" in b"".join(message.get("body", b"") for message in sent)
+
+
 def test_a_dry_run_that_cannot_be(visits: World, service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = service.client.post("/rules/dry-run", json={"map": "world", "declaration": {"pattern": "A B"}})
     assert wrong.status_code == 422
@@ -85,6 +123,25 @@ def test_an_explanation_says_what_held_or_failed(visits: World, service: Service
     )
 
 
+def test_a_certificate_over_all_keys_holds_by_itself(visits: World, service: Service) -> None:
+    new = {"map": "world", "name": "stays", "declaration": STAYED}
+    rule_id = service.client.post("/rules", json=new).json()["id"]
+    span = {"from": "1970-01-01T00:00:05Z", "to": "1970-01-01T00:00:40Z"}
+    document = service.client.get(f"/rules/{rule_id}/certificate", params=span).json()
+    assert [(each["event"], each["measures"]) for each in document["events"]] == [("stay", {"stay_s": 2.0})]
+    (attempt,) = document["attempts"]
+    assert attempt["awaits"] == ["L"]
+    said = verify(document)
+    assert "An attempt came to nothing:" in said
+    of_ann = service.client.get(f"/rules/{rule_id}/certificate", params={**span, "key": "track=ann"}).json()
+    assert of_ann["attempts"] == []
+    assert (
+        service.client.get(f"/rules/{rule_id}/certificate", params={**span, "key": "x=1"}).status_code == 422
+    )
+    backwards = {"from": span["to"], "to": span["from"]}
+    assert service.client.get(f"/rules/{rule_id}/certificate", params=backwards).status_code == 422
+
+
 def test_what_is_given_up_is_told_with_the_rule_and_with_a_dry_run(
     visits: World, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,7 +151,7 @@ def test_what_is_given_up_is_told_with_the_rule_and_with_a_dry_run(
         "define": {"B": "type = 'began'", "L": "type = 'ended' and track = 'nobody'"},
     }  # fmt: skip
     answer = service.client.post("/rules/dry-run", json={"map": "world", "declaration": together}).json()
-    lost = {"first": "1970-01-01T00:00:10.000000Z", "key": {"room": "kitchen"}}
+    lost = {"attempts": 1, "first": "1970-01-01T00:00:10.000000Z", "key": {"room": "kitchen"}, "matches": 0}
     assert (answer["count"], answer["given_up"]) == (0, lost)
     whole = {"map": "world", "declaration": STAYED}
     assert service.client.post("/rules/dry-run", json=whole).json()["given_up"] is None

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
+import shapely
 from running import Service
 
 from semap.rules.language.reading import read_declaration
@@ -24,7 +27,8 @@ def check(service: Service, text: str, **more: object) -> dict:
 
 def fault(service: Service, text: str, **more: object) -> tuple[str, int | None, int | None]:
     answer = check(service, text, **more)
-    assert answer["declaration"] is None
+    # only what other rules say against a text leaves it a declaration, and has no place in it
+    assert answer["declaration"] is None or answer["fault"]["line"] is None
     assert answer["fault"]["remedy"]
     return tuple(answer["fault"][key] for key in ("message", "line", "column"))
 
@@ -34,6 +38,18 @@ def test_what_is_right_is_as_it_can_be_added(office: Service) -> None:
     assert found == {
         "name": "visits",
         "declaration": {"input": "track_in_room", "emit": {"began": "entered"}},
+        "sentence": "It makes entered when track_in_room begins.",
+        "diagram": {
+            "kind": "sequence",
+            "label": "",
+            "text": "",
+            "joint": "",
+            "parts": [
+                {"kind": "step", "label": "", "text": "track_in_room begins", "joint": "", "parts": []},
+                {"kind": "event", "label": "entered", "text": "", "joint": "", "parts": []},
+            ],
+        },
+        "like": {"template": "visits", "values": None, "differs": ["emit"]},
         "fault": None,
     }
     assert office.get("/rules")["rules"][0]["name"] == "room_visits"
@@ -115,5 +131,36 @@ def test_the_text_of_a_rule_and_of_what_it_once_declared(office: Service) -> Non
 def test_a_template_can_be_used_as_it_is(office: Service) -> None:
     templates = office.get("/rule-templates")["templates"]
     assert [each["name"] for each in templates][:3] == ["visits", "dwell", "absence"]
+    assert len(templates) >= 10
     for each in templates:
-        assert check(office, each["text"])["fault"] is None
+        found = check(office, each["text"])
+        assert found["fault"] is None
+        values = {parameter["name"]: parameter["default"] for parameter in each["parameters"]}
+        assert found["like"] == {"template": each["name"], "values": values, "differs": []}
+        named = [parameter["name"] for parameter in each["parameters"]]
+        assert set(re.findall(r"\{(\w+)\}", each["phrase"])) <= set(named)
+
+
+def test_a_template_is_filled_and_known_again(office: Service) -> None:
+    values = {"room": "O'Brien's \"den\"", "person": "ann", "duration": "90 s", "name": "lingers"}
+    made = office.client.post("/rule-templates/dwell/text", json={"values": values})
+    found = check(office, made.json()["text"])
+    assert found["like"]["values"] == {**values, "query": "track_in_room"}
+    wrong = office.client.post("/rule-templates/dwell/text", json={"values": {"duration": "soon"}})
+    assert wrong.status_code == 422
+    assert wrong.json()["remedy"]
+    assert office.client.post("/rule-templates/nothing/text", json={}).status_code == 404
+
+
+def test_the_words_of_a_map_are_those_that_rules_of_it_may_use(office: Service) -> None:
+    office.make_room("Room07", shapely.box(0, 0, 4, 3))
+    office.walk([(1, 1)])
+    words = office.get("/maps/office/rule-words")
+    assert (words["room"], words["door"], words["query"]) == (["Room07"], [], ["track_in_room"])
+    assert words["rule"] == ["room_visits"]
+    assert {"Room", "Door"} <= set(words["concept"])
+    assert words["person"] == [each["name"] for each in office.get("/tracks")["tracks"]]
+    assert {"where", "pattern"} <= set(words["clauses"])
+    assert {"track", "occupants"} <= set(words["properties"])
+    assert {"first", "seconds_between", "isA"} <= set(words["functions"])
+    assert office.client.get("/maps/nowhere/rule-words").status_code == 404

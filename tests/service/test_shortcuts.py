@@ -121,6 +121,20 @@ def test_the_way_between_things_and_tracks(service: Service):
     assert service.client.get("/route", params={"from": alone["id"], "to": desk["id"]}).status_code == 422
 
 
+def test_a_way_ends_where_it_was_not_seen(service: Service):
+    service.make_map()
+    track = service.walk([(1, 1)] * 3)
+    service.plain.execute(
+        "insert into semap.track_state (track_id, stamp, x_m, y_m) select %s, stamp, 5, 5"
+        " from unnest(%s::timestamptz[]) stamp",
+        [track, [at(100), at(101)]],
+    )
+    way = service.get(f"/tracks/{track}/path", **{"from": at(0), "to": at(200)})
+    assert way["parts"] == [[[1, 1, 0], [1, 1, 2]], [[5, 5, 100], [5, 5, 101]]]
+    one = service.get(f"/tracks/{track}/path", **{"from": at(2), "to": at(99)})
+    assert [point[:2] for part in one["parts"] for point in part] in ([[1, 1]], [[1, 1], [1, 1]])
+
+
 def test_what_was_when(service: Service):
     service.make_map()
     west = service.make_room("west", shapely.box(0, 0, 4, 4))
@@ -163,6 +177,14 @@ def test_what_was_when(service: Service):
     extent = service.get("/maps/office/extent")
     assert [extent["first"][:26], extent["last"][:26]] == [at(0)[:19] + ".000000", at(4)[:19] + ".000000"]
 
+    stays = service.get(f"/tracks/{track}/stays", **{"from": at(2.5), "to": at(3.5)})["stays"]
+    assert [each["name"] for each in stays] == ["east"], "from 2 to 3; what ended or began outside is none"
+    way = service.get(f"/tracks/{track}/path", **{"from": at(0), "to": at(3)})
+    assert way["parts"] == [[[1, 1, 0], [2, 2, 1], [20, 2, 3]]], (
+        "where it went straight on, no point is needed"
+    )
+    too_long = service.client.get(f"/tracks/{track}/path", params={"from": at(0), "to": at(7 * 86_400 + 1)})
+    assert too_long.status_code == 422
     history = service.get(f"/tracks/{track}/history", **{"from": at(1), "to": at(3)})
     assert [(each["x_m"], each["stamp"][17:19]) for each in history["states"]] == [
         (2, "01"),

@@ -63,11 +63,14 @@ POLICY: tuple[tuple[str, str, Demand], ...] = (
     ("GET", "/metrics", ADMIN),
     # What sources say.
     ("POST", "/object-states", INGEST),
+    ("POST", "/maps/{name}/states", INGEST),
+    ("GET", "/maps/{name}/states/live", Demand("ingest", is_held="always")),
     # Questions that are posted.
     *(("POST", f"/maps/{{name}}/operators/{each.name}", WRITE) for each in OPERATORS.values() if each.edits),
     ("POST", "/maps/{name}/operators/{operator}", READ),
     ("POST", "/maps/{name}/rules/check", READ),
     ("POST", "/rules/dry-run", READ),
+    ("POST", "/rule-templates/{name}/text", READ),
     # What all maps share: concepts, and the list of maps itself.
     ("POST", "/maps", SHARED),
     ("POST", "/maps/import", SHARED),

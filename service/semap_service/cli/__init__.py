@@ -10,9 +10,11 @@ import typer
 from semap import __version__
 from semap.errors import CallerError, SemapError
 from semap_service.cli import (
+    bridges,
     concepts,
     database,
     demo,
+    detectors,
     doctor,
     doors,
     evaluate,
@@ -27,6 +29,7 @@ from semap_service.cli import (
     recompute,
     recording,
     relations,
+    rigs,
     rules,
     simulate,
     sources,
@@ -34,6 +37,7 @@ from semap_service.cli import (
     tracks,
     webhooks,
 )
+from semap_service.cli.output import say, visible
 
 HELP = """
 A semantic map with continuous queries, on PostGIS.
@@ -70,7 +74,10 @@ def commands() -> typer.Typer:
     app.add_typer(concepts.commands(), name="concept")
     app.add_typer(ingest.commands(), name="ingest")
     app.add_typer(recording.commands(), name="recording")
+    app.add_typer(rigs.commands(), name="rig")
+    app.add_typer(detectors.commands(), name="detector")
     app.command("events")(events.events)
+    app.add_typer(bridges.commands(), name="bridge")
     app.add_typer(queries.commands(), name="query")
     app.command("relations")(relations.relations)
     app.add_typer(rules.commands(), name="rule")
@@ -99,9 +106,9 @@ def main() -> None:
     except SemapError as error:
         from semap_service.operations.redaction import redacted  # noqa: PLC0415
 
-        sys.stderr.write(f"semap: {redacted(str(error))}\n")
+        sys.stderr.write(f"semap: {visible(redacted(str(error)))}\n")
         if error.remedy:
-            sys.stderr.write(f"  What to do: {error.remedy}\n")
+            sys.stderr.write(f"  What to do: {visible(error.remedy)}\n")
         sys.exit(2 if isinstance(error, CallerError) else 1)
     except UnicodeEncodeError as error:
         sys.stderr.write(f"semap: what was given is no text in UTF-8: {error.object!a}\n")
@@ -115,7 +122,7 @@ def main() -> None:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"semap {__version__}")
+        say(f"semap {__version__}")
         raise typer.Exit
 
 

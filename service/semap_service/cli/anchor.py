@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from semap.errors import InvalidInput, NotFound
-from semap_service.cli.output import print_json
+from semap_service.cli.output import print_json, say
 from semap_service.cli.session import AsJson, Dsn, MapName, database, signed_edit
 
 
@@ -43,7 +43,7 @@ def anchor(
         if remove:
             with signed_edit(opened, f"semap map anchor {map_name} --remove") as connection:
                 remove_anchor(connection, map_name)
-            typer.echo(f"Map {map_name} lies nowhere in particular.")
+            say(f"Map {map_name} lies nowhere in particular.")
             return
         if epsg is not None:
             with signed_edit(opened, f"semap map anchor {map_name} --epsg {epsg}") as connection:
@@ -58,4 +58,4 @@ def anchor(
         print_json(asdict(found))
         return
     pose = ", ".join(f"{key} {value:.6f}" for key, value in asdict(found.pose).items())
-    typer.echo(f"Map {map_name} lies in EPSG:{found.epsg} at {pose}.")
+    say(f"Map {map_name} lies in EPSG:{found.epsg} at {pose}.")

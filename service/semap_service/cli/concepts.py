@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from semap.errors import InvalidInput
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database, signed_edit
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the concept.")]
@@ -78,7 +78,7 @@ def add(
     new = Concept(0, name, tuple(parent or (ROOT,)), tuple(iri or ()), comment, attribute_schema)
     with database(dsn) as opened, signed_edit(opened, f"semap concept add {name}") as connection:
         made = create_concept(connection, new)
-    typer.echo(f"Concept {made.name} made, below {', '.join(made.parents)}.")
+    say(f"Concept {made.name} made, below {', '.join(made.parents)}.")
 
 
 def _schema(path: Path) -> dict[str, object]:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from semap_service.cli import storage
-from semap_service.cli.output import print_json
+from semap_service.cli.output import print_json, say
 from semap_service.cli.session import DATABASE, AsJson, Dsn, own_database
 
 
@@ -28,20 +28,20 @@ def commands() -> typer.Typer:
 
 def migrate(dsn: Dsn = None) -> None:
     """Create or update semap's schema. Safe to run at any time, also twice at once."""
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.operate.preflight import require_fit  # noqa: PLC0415
     from semap.store.operate.schema import head_version  # noqa: PLC0415
     from semap.store.operate.schema import migrate as bring_up_to_date  # noqa: PLC0415
 
     if dsn is None:
         with own_database():
-            typer.echo(f"The schema is at version {head_version()}.")
+            say(f"The schema is at version {head_version()}.")
         return
-    with connect(dsn) as connection:
+    with one_transaction(dsn) as connection:
         require_fit(connection)
     done = bring_up_to_date(dsn)
     before = done.version_before or "nothing"
-    typer.echo(f"The schema is at version {done.version} (before: {before}).")
+    say(f"The schema is at version {done.version} (before: {before}).")
 
 
 def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -57,7 +57,7 @@ def status(as_json: AsJson = False, dsn: Dsn = None) -> None:
         print_json(report)
         return
     for name, value in report.items():
-        typer.echo(f"{name.replace('_', ' '):<20} {'-' if value is None else value}")
+        say(f"{name.replace('_', ' '):<20} {'-' if value is None else value}")
 
 
 def start() -> None:
@@ -66,7 +66,7 @@ def start() -> None:
 
     cluster = keep_running(default_home())
     with own_database():
-        typer.echo(f"Running. psql '{cluster.dsn(DATABASE)}'")
+        say(f"Running. psql '{cluster.dsn(DATABASE)}'")
 
 
 def stop(
@@ -76,7 +76,7 @@ def stop(
     from semap.cluster import default_home, stop_keeping  # noqa: PLC0415
 
     stopped = stop_keeping(default_home(), force=force)
-    typer.echo("Stopped." if stopped else "It stops as soon as the last command that uses it has ended.")
+    say("Stopped." if stopped else "It stops as soon as the last command that uses it has ended.")
 
 
 def resync(dsn: Dsn = None) -> None:
@@ -90,4 +90,4 @@ def resync(dsn: Dsn = None) -> None:
 
     with database(dsn) as opened:
         made = catch_up(opened)
-    typer.echo(f"The slot is there; {made} events were caught up.")
+    say(f"The slot is there; {made} events were caught up.")

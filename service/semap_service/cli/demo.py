@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +34,9 @@ def demo(
         Path | None, typer.Option(help="Folder of the real data sets (flat/, bottleneck/).")
     ] = None,
     fast: Annotated[bool, typer.Option("--fast", help="Do not replay at a pace.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="The robot publishes ROS 2 topics, which a bridge hears.")
+    ] = False,
     port: Annotated[int, typer.Option(help="Port of the service; 0 for any free one.", min=0, max=65535)] = 0,
 ) -> None:
     """Show the whole way: buildings, recordings and movement go in, events come out.
@@ -55,7 +59,7 @@ def demo(
         supervisor.start("serve", "--port", str(port), "--without-tokens")
         typer.echo(f"2. The rule worker and the service: http://127.0.0.1:{port}/")
         typer.echo("3. persons and doors that a robot's camera and laser see (simulated)")
-        _play_recording(dsn, fast)
+        _play_recording(dsn, fast, supervisor if live else None)
         events = 0
         chosen = scenes(data)
         for number, scene in enumerate(chosen, FIRST_SCENE):
@@ -68,17 +72,22 @@ def demo(
                 supervisor.check()
 
 
-def _play_recording(dsn: str, fast: bool) -> None:
+def _play_recording(dsn: str, fast: bool, live: Supervisor | None = None) -> None:
     from semap_service.cli.perception_extra import REMEDY, missing_packages  # noqa: PLC0415
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
     from semap_service.cli.recorded_office import PACE, play_recorded_office  # noqa: PLC0415
 
     missing = missing_packages()
+    if live is not None and find_spec("cyclonedds") is None:
+        typer.echo("   Left out, since it needs Cyclone DDS: pip install 'semap[ros2]'")
+        return
     if missing:
         typer.echo(f"   Left out, since it needs {', '.join(missing)}: {REMEDY}")
         return
     with progress_bar("tenths of a second") as advance:
-        play_recorded_office(dsn, None if fast else PACE, lambda line: typer.echo(f"   {line}"), advance)
+        play_recorded_office(
+            dsn, None if fast else PACE, lambda line: typer.echo(f"   {line}"), advance, live
+        )
 
 
 def _play(dsn: str, supervisor: Supervisor, scene: Scene, pace: float | None) -> int:

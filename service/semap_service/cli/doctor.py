@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semap_service.cli.output import print_json
+from semap_service.cli.output import print_json, say, visible
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
-    from semap_service.operations.doctor.verification import Verification, Verified
+    from semap.store.operate.doctor.verification import Verification, Verified
 
 Verify = Annotated[
     bool,
@@ -51,8 +51,8 @@ def doctor(
 
 
 def _examine(dsn: str | None, as_json: bool) -> None:
+    from semap.store.operate.doctor.finding import Level  # noqa: PLC0415
     from semap_service.operations.doctor.examination import examine_all  # noqa: PLC0415
-    from semap_service.operations.doctor.finding import Level  # noqa: PLC0415
 
     is_wrong = False
     findings = []
@@ -60,9 +60,9 @@ def _examine(dsn: str | None, as_json: bool) -> None:
         is_wrong |= finding.level == Level.WRONG
         findings.append(asdict(finding))
         if not as_json:
-            typer.echo(f"{finding.level:<5}  {finding.check:<12}  {finding.message}")
+            say(f"{finding.level:<5}  {finding.check:<12}  {finding.message}")
             for line in finding.remedy.splitlines():
-                typer.echo(f"{'':<21}-> {line}")
+                say(f"{'':<21}-> {line}")
     if as_json:
         print_json({"ok": not is_wrong, "findings": findings})
     if is_wrong:
@@ -70,13 +70,13 @@ def _examine(dsn: str | None, as_json: bool) -> None:
 
 
 def _verify(dsn: str | None, map_name: str | None, repair: bool, as_json: bool) -> None:
-    from semap_service.operations.doctor.verification import verify  # noqa: PLC0415
+    from semap.store.operate.doctor.verification import verify  # noqa: PLC0415
 
     is_seen = sys.stderr.isatty() and not as_json
 
     def progress(said: str) -> None:
         if is_seen:
-            typer.echo(f"\r\033[K{said} ...\r", nl=False, err=True)
+            typer.echo(f"\r\033[K{visible(said)} ...\r", nl=False, err=True)
 
     with database(dsn) as own:
         verification = verify(own, progress)
@@ -88,16 +88,14 @@ def _verify(dsn: str | None, map_name: str | None, repair: bool, as_json: bool) 
                 said["repaired"] = [asdict(each) for each in repaired]
                 for each in repaired:
                     if not as_json:
-                        typer.echo(
-                            f"repaired  {each.map_name}: {each.crossings} relations began or ended by it"
-                        )
+                        say(f"repaired  {each.map_name}: {each.crossings} relations began or ended by it")
                 found = _look(verification, map_name, as_json)
                 said["verified_again"] = [asdict(each) for each in found]
     is_wrong = any(each.differ for each in found)
     if as_json:
         print_json({"ok": not is_wrong, **said})
-    elif is_wrong and not repair:
-        typer.echo("-> Make what differs anew: semap doctor --verify --repair")
+    elif verification.differing and not repair:
+        say("-> Make what differs anew: semap doctor --verify --repair")
     if is_wrong:
         raise typer.Exit(1)
 
@@ -110,9 +108,7 @@ def _look(verification: Verification, map_name: str | None, as_json: bool) -> li
             continue
         level = "wrong" if each.differ else "ok"
         note = f" ({each.note})" if each.note else ""
-        typer.echo(
-            f"{level:<5}  {each.map_name}  {each.what}: {each.rows} looked at, {each.differ} differ{note}"
-        )
+        say(f"{level:<5}  {each.map_name}  {each.what}: {each.rows} looked at, {each.differ} differ{note}")
         for thing, stored, wanted in each.examples:
-            typer.echo(f"{'':<7}{thing}: stored is {stored}; it should be {wanted}")
+            say(f"{'':<7}{thing}: stored is {stored}; it should be {wanted}")
     return found

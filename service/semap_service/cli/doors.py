@@ -26,9 +26,12 @@ def list_all(
 ) -> None:
     """List the doors with a leaf: state, since when, angle, and the rooms that each joins."""
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.doors import list_doors  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
         found = list_doors(connection, map_name=map_name, after=after, limit=1000)
     rows = [{name: _shown(value, as_json) for name, value in asdict(each).items()} for each in found]
     print_rows(rows, as_json, "No door has a leaf. In a map, say: leaf: left, or leaf: right.")

@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-PARTS = ("detection", "seeds", "delays", "throughput", "tracking", "repeat", "scans")
+from semap_service.cli.output import say
+
+PARTS = ("detection", "seeds", "delays", "throughput", "tracking", "repeat", "walls", "scans")
 PEOPLE = (1, 5, 10, 20)
 
 
@@ -60,20 +62,20 @@ def office(
     with temporary_server("evaluate") as dsn, Supervisor(dsn) as supervisor:
         supervisor.start("work")
         for name in chosen:
-            typer.echo(f"{name} ...")
+            say(f"{name} ...")
             with progress_bar("tenths of a second of the recording") as advance:
-                stage = Stage(dsn, lambda line: typer.echo(line, err=True), advance)
+                stage = Stage(dsn, lambda line: say(line, err=True), advance)
                 report = evaluate(stage, name, seeds=seeds, plays=plays, people=PEOPLE, data=data)
-            typer.echo(f"\n{name} (aim: {report.aim}): {'holds' if report.holds else 'DOES NOT HOLD'}")
-            typer.echo(table(report.rows))
+            say(f"\n{name} (aim: {report.aim}): {'holds' if report.holds else 'DOES NOT HOLD'}")
+            say(table(report.rows))
             for line in report.details:
-                typer.echo(f"  {line}")
+                say(f"  {line}")
             written = write(report, folder)
-            typer.echo(f"  written: {', '.join(str(path) for path in written)}\n")
+            say(f"  written: {', '.join(str(path) for path in written)}\n")
             if not report.holds:
                 failed.append(name)
     if failed:
-        typer.echo(f"Short of the aim: {', '.join(failed)}.", err=True)
+        say(f"Short of the aim: {', '.join(failed)}.", err=True)
         raise typer.Exit(1)
 
 

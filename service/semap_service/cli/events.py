@@ -5,20 +5,20 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
 import typer
 
 from semap.errors import ServerUnavailable
-from semap_service.cli.output import clock, print_json_line
+from semap_service.cli.output import clock, print_json_line, say, visible
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
-    import psycopg
     from sqlalchemy import Engine
 
     from semap.store.event.events import StoredEvent, Stretch
@@ -74,11 +74,11 @@ def events(
                 if not follow:
                     raise
                 if not reader.is_waiting:
-                    typer.echo(f"semap: {error} Waiting for it; nothing will be missed.", err=True)
+                    say(f"semap: {error} Waiting for it; nothing will be missed.", err=True)
                 reader.is_waiting = True
                 time.sleep(AGAIN_S)
     if not reader.shown and not as_json:
-        typer.echo("No events yet. They are made while `semap up` or `semap work` runs.", err=True)
+        say("No events yet. They are made while `semap up` or `semap work` runs.", err=True)
 
 
 Standing = Mapping[UUID, int]
@@ -100,9 +100,7 @@ class _Reader:
 
         raises  ServerUnavailable if the server does not answer, or went away
         """
-        from semap.store.database.connection import wait_for_notice  # noqa: PLC0415
-
-        with _listening(dsn) as (listener, engine):
+        with _listening(dsn) as (wait, engine):
             self.is_waiting = False
             while True:
                 stretch, stands = _stretch(engine, self.after, self.selection)
@@ -118,19 +116,25 @@ class _Reader:
                     continue
                 if not follow:
                     return
-                wait_for_notice(listener, WAKE_S)
+                wait(WAKE_S)
 
 
 @contextmanager
-def _listening(dsn: str) -> Iterator[tuple[psycopg.Connection, Engine]]:
-    from semap.store.database.connection import listen, one_session, translated  # noqa: PLC0415
+def _listening(dsn: str) -> Iterator[tuple[Callable[[float], bool], Engine]]:
+    """What waits for news for so many seconds, and what reads them."""
+    from semap.store.database.connection import (  # noqa: PLC0415
+        listen,
+        one_session,
+        translated,
+        wait_for_notice,
+    )
 
     with (
         one_session(dsn, "semap_read", application="semap events") as engine,
         listen(dsn, "semap_event", "semap_read", application="semap events") as listener,
         translated(),
     ):
-        yield listener, engine
+        yield partial(wait_for_notice, listener), engine
 
 
 def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch, Standing]:
@@ -188,7 +192,7 @@ def sentence(row: Mapping[str, Any]) -> str:
     subject, object_ = row["track"], row["key"].get("room") or row["instance"]
     if row["cause"] is not None:
         subject, object_ = subject or _side(measures, "subject"), object_ or _side(measures, "other")
-    said = [_hued(subject), row["type"], object_]
+    said = [row["type"], object_]
     if subject is None and object_ is None:
         said += [f"{name} {value}" for name, value in row["key"].items()]
     notes = [WHY.get(row["cause"], "")]
@@ -198,9 +202,10 @@ def sentence(row: Mapping[str, Any]) -> str:
     by = row["amended_by"]
     notes.append(f"amended by {by}" if by is not None else row["verdict"] or "")
     remark = ", ".join(note for note in notes if note)
-    line = " ".join(str(part) for part in said if part is not None)
+    line = " ".join(visible(str(part)) for part in said if part is not None)
+    line = line if subject is None else f"{_hued(visible(subject))} {line}"
     number = _faint(f"{row['seq']:>6}  {clock(row['stamp'])}")
-    return f"{number}  {line}{_faint(f' ({remark})') if remark else ''}"
+    return f"{number}  {line}{_faint(visible(f' ({remark})')) if remark else ''}"
 
 
 def _side(measures: dict[str, Any], name: str) -> str | None:
@@ -210,9 +215,9 @@ def _side(measures: dict[str, Any], name: str) -> str | None:
     return found
 
 
-def _hued(name: str | None) -> str | None:
+def _hued(name: str) -> str:
     """The same hue for the same name."""
-    if name is None or not _in_colour():
+    if not _in_colour():
         return name
     return typer.style(name, fg=HUES[sum(name.encode()) % len(HUES)], bold=True)
 

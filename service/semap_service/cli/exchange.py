@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semap.errors import InvalidInput
-from semap_service.cli.output import counted, print_json
+from semap_service.cli.output import counted, print_json, say
 from semap_service.cli.session import AsJson, Cell, Dsn, MapName, database, signed_edit
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def import_file(
         print_json(asdict(report))
     else:
         for line in report_lines(report):
-            typer.echo(line)
+            say(line)
 
 
 def export_file(
@@ -141,7 +141,7 @@ def export_file(
                     f"a map is written as a folder with a {YAML_FILE}", "Give the folder.", str(path)
                 )
             path = write_map(export_map(connection, map_name), path.parent if suffix else path)
-    typer.echo(f"Map {map_name} written to {path}.")
+    say(f"Map {map_name} written to {path}.")
 
 
 def report_lines(report: ImportReport) -> list[str]:

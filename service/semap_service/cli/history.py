@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import clock, counted, print_json, print_rows
+from semap_service.cli.output import clock, counted, print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, MapName, database, signed_edit
 
 ChangeId = Annotated[
@@ -53,4 +53,4 @@ def undo(change: ChangeId, as_json: AsJson = False, dsn: Dsn = None) -> None:
     if as_json:
         print_json(asdict(made))
         return
-    typer.echo(f"Change {change} is undone, by change {made.change_set_id} ({counted(made.rows, 'row')}).")
+    say(f"Change {change} is undone, by change {made.change_set_id} ({counted(made.rows, 'row')}).")

@@ -6,14 +6,16 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import takewhile
 from pathlib import Path
 from threading import Event as Signal
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from semap_service.cli.log_options import LogFormatOption, LogLevelOption
-from semap_service.cli.output import counted, print_json
+from semap_service.cli.output import counted, print_json, say
 from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.operations.log_lines import LogFormat, write_log
 
@@ -33,6 +35,21 @@ SkipBad = Annotated[
 ]
 
 
+class WithTransforms(TyperCommand):
+    """`--transform` takes eight words, and may be repeated: Typer has no such list, so they are joined."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        joined: list[str] = []
+        rest = list(args)
+        while rest:
+            joined.append(rest.pop(0))
+            if joined[-1] == "--transform":
+                words = list(takewhile(lambda word: not word.startswith("--"), rest[:8]))
+                joined.append(" ".join(words))
+                del rest[: len(words)]
+        return super().parse_args(ctx, joined)
+
+
 def commands() -> typer.Typer:
     app = typer.Typer(
         no_args_is_help=True,
@@ -40,7 +57,7 @@ def commands() -> typer.Typer:
     )
     app.command("tracks")(tracks)
     app.command("objects")(objects)
-    app.command("recording")(recording)
+    app.command("recording", cls=WithTransforms)(recording)
     return app
 
 
@@ -130,7 +147,7 @@ def tracks(
     )
     read = read_tracks(file, layout)
     for finding in read.findings:
-        typer.echo(f"{finding.action}: {finding.subject} ({finding.reason})", err=True)
+        say(f"{finding.action}: {finding.subject} ({finding.reason})", err=True)
     _tell_left_out(read.left_out)
     plan = Plan(
         map_name=map_name,
@@ -171,27 +188,27 @@ def tracks(
 
 def _print_replayed(done: Replayed, map_name: str, inside: int | None, in_file: int) -> None:
     if done.resumed_at:
-        typer.echo(f"{done.resumed_at} states had been written before.")
-    typer.echo(f"{done.states} states of {counted(done.tracks, 'track')} written to map {map_name}.")
+        say(f"{done.resumed_at} states had been written before.")
+    say(f"{done.states} states of {counted(done.tracks, 'track')} written to map {map_name}.")
     if inside is not None:
-        typer.echo(f"{100 * inside / in_file:.1f} % of the file's states lie inside a room.")
+        say(f"{100 * inside / in_file:.1f} % of the file's states lie inside a room.")
     if done.late:
-        typer.echo(f"{done.late} states came late: they corrected what was known of the past.")
+        say(f"{done.late} states came late: they corrected what was known of the past.")
     if inside == 0:
-        typer.echo("No state lies inside a room: check --unit, --frame and the map.", err=True)
+        say("No state lies inside a room: check --unit, --frame and the map.", err=True)
 
 
 def _tell_left_out(left_out: LeftOut) -> None:
     if left_out.count:
-        typer.echo(f"{counted(left_out.count, 'row')} left out:", err=True)
+        say(f"{counted(left_out.count, 'row')} left out:", err=True)
         for line in left_out.lines():
-            typer.echo(f"  {line}", err=True)
+            say(f"  {line}", err=True)
 
 
 def _exit_by(left_out: LeftOut, skip_bad: bool) -> None:
     """Exit with status 1 if rows were left out without --skip-bad."""
     if left_out.count and not skip_bad:
-        typer.echo(
+        say(
             "All other rows are imported. Correct these, and import them as a file of their own with the same"
             " --source; or allow bad rows: --skip-bad.",
             err=True,
@@ -273,21 +290,29 @@ def objects(
     if as_json:
         print_json({"states": states, "added": added, "left_out": read.left_out.count})
     else:
-        typer.echo(f"{counted(added, 'state')} of objects written to map {map_name}.")
+        say(f"{counted(added, 'state')} of objects written to map {map_name}.")
         if added < states:
-            typer.echo(f"{states - added} were there before.")
+            say(f"{states - added} were there before.")
     _exit_by(read.left_out, skip_bad)
 
 
 def recording(
-    file: Annotated[Path, typer.Argument(help="ROS 1 bag, ROS 2 folder (sqlite3 or MCAP), or MCAP file.")],
     map_name: Annotated[str, typer.Option("--map", help="The map in which the sensors stood.")],
-    source: Annotated[str | None, typer.Option(help="Name of the source. [default: the file's name]")] = None,
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="ROS 1 bag, ROS 2 folder (sqlite3 or MCAP), or MCAP file; none if all sensors of the rig"
+            " have files of their own."
+        ),
+    ] = None,
+    source: Annotated[
+        str | None, typer.Option(help="Name of the source. [default: the file's name, else the rig's]")
+    ] = None,
     camera_model: Annotated[
         Path | None,
         typer.Option(
-            help="Detector of persons in images (ONNX: YOLO v4 to v11, YOLOX, FastestDet, RT-DETR, ...)."
-            " Without one, images are not looked at."
+            help="Detector of persons in images: an ONNX file (YOLO v4 to v11, YOLOX, RF-DETR, ...), or the"
+            " name of one that `semap detector add` keeps. Without one, images are not looked at."
         ),
     ] = None,
     camera_layout: Annotated[
@@ -299,15 +324,35 @@ def recording(
     camera_classes: Annotated[
         Path | None, typer.Option(help="The detector's classes, one in each line, where the file has none.")
     ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="File of its sensors (YAML); `semap rig check RECORDING` proposes one."),
+    ] = None,
     topic: Annotated[
         list[str] | None,
         typer.Option(
             help="PART=TOPIC, where types do not tell: scan, image, camera_info, boxes, poses, transforms,"
-            " odometry. PART= leaves it out. More than once."
+            " odometry. PART= leaves it out. More than once, also for several sensors of a part."
         ),
     ] = None,
-    frame: Annotated[str, typer.Option(help="Frame of the recording that is the map's.")] = "map",
-    floor_z: Annotated[float, typer.Option(help="Height of the floor in that frame [m].")] = 0.0,
+    transform: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PARENT CHILD X Y Z ROLL PITCH YAW",
+            help="Where a frame is fixed in another one [m, rad], whatever the recording says. Repeatable.",
+        ),
+    ] = None,
+    transform_patience: Annotated[
+        float | None,
+        typer.Option(
+            help="How long records wait for their transform [s of the recording]. [default: until it comes]",
+            min=0.0,
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None, typer.Option(help="Frame of the recording that is the map's. [default: map]")
+    ] = None,
+    floor_z: Annotated[float | None, typer.Option(help="Height of the floor in it [m]. [default: 0]")] = None,
     images_hz: Annotated[float | None, typer.Option(help="Images to process a second.", min=0.1)] = None,
     cuda: Annotated[
         bool, typer.Option("--cuda", help="Run the detector on a GPU (onnxruntime-gpu).")
@@ -327,13 +372,14 @@ def recording(
     log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
-    """Find persons and doors in a recording of a camera and a 2D laser, and write them to the database.
+    """Find persons and doors in a recording of cameras and 2D lasers, and write them to the database.
 
     Persons become tracks; doors with a leaf get states. Transforms (tf) must lead from the sensors to the
     map's frame. `semap recording info FILE` lists the content of a recording. After a crash, the same command
     continues where it was. If the recording, or one of its sensors, has no results, the exit status is 1.
     """
     from semap_ingest.pipeline.ingest_recording import Plan, ingest_recording  # noqa: PLC0415
+    from semap_ingest.pipeline.rig import fixed_transforms, read_rig  # noqa: PLC0415
     from semap_ingest.recording.reading import PERSON_CLASSES  # noqa: PLC0415
     from semap_ingest.replay import ROLE  # noqa: PLC0415
 
@@ -342,20 +388,36 @@ def recording(
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
 
     write_log(log_format, log_level)
-    parts = {}
+    parts: dict[str, list[str]] = {}
     for each in topic or ():
         part, is_pair, name = each.partition("=")
         if not is_pair:
             raise InvalidInput(f"{each!r} names no topic", "Write it as scan=/front/scan.", "--topic")
-        parts[part] = name
+        parts.setdefault(part, []).append(name)
+    said = {
+        "--topic": topic,
+        "--frame": frame,
+        "--floor-z": floor_z,
+        "--camera-layout": camera_layout,
+        "--camera-classes": camera_classes,
+        "--images-hz": images_hz,
+        "--person-class": person_class,
+    }
+    if rig is not None and any(each is not None for each in said.values()):
+        options = ", ".join(name for name, each in said.items() if each is not None)
+        raise InvalidInput(f"{options} beside --rig", "Write it into the rig instead.", "--rig")
+    named = next((each.stem for each in (file, rig) if each is not None), "")
     plan = Plan(
         map_name=map_name,
-        source=source or file.stem,
+        source=source or named,
         path=file,
         speed=realtime,
+        rig=None if rig is None else read_rig(rig),
         topics=parts,
-        map_frame=frame,
-        floor_z_m=floor_z,
+        map_frame=frame or "map",
+        floor_z_m=floor_z or 0.0,
+        fixed=fixed_transforms(transform or ()),
+        transform_patience_s=transform_patience,
         image_model=camera_model,
         image_layout=camera_layout,
         class_names=camera_classes,
@@ -375,14 +437,12 @@ def recording(
     else:
         _print_ingested(done, map_name)
     if not done.is_whole:
-        typer.echo("Stopped before the end. Run the same command again to continue.", err=True)
+        say("Stopped before the end. Run the same command again to continue.", err=True)
         raise typer.Exit(130)
     if done.fruitless:
         for each in done.fruitless:
-            typer.echo(f"semap: {file.name}: {each}.", err=True)
-        typer.echo(
-            "  What to do: See above what was left out and why; --topic and --frame may help.", err=True
-        )
+            say(f"semap: {plan.source}: {each}.", err=True)
+        say("  What to do: See above what was left out and why; --topic and --frame may help.", err=True)
         raise typer.Exit(1)
 
 
@@ -404,13 +464,13 @@ def interruptible() -> Iterator[Signal]:
 
 def _print_ingested(done: Ingested, map_name: str) -> None:
     if done.resumed_at:
-        typer.echo(f"{counted(done.resumed_at, 'result')} had been written before.")
+        say(f"{counted(done.resumed_at, 'result')} had been written before.")
     if done.is_whole and not done.records:
-        typer.echo("All of the recording is in: nothing is left to do.")
+        say("All of the recording is in: nothing is left to do.")
         return
-    typer.echo(
+    say(
         f"{done.length_s:.0f} s with {done.records} records: {done.states} states of"
         f" {counted(done.tracks, 'person')} and {done.lines} lines written to map {map_name}."
     )
     for why, count in done.left_out.items():
-        typer.echo(f"  left out: {counted(count, 'record')}: {why}", err=True)
+        say(f"  left out: {counted(count, 'record')}: {why}", err=True)

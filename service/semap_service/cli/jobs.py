@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def show(job: JobId, as_json: AsJson = False, dsn: Dsn = None) -> None:
         print_json(vars(found))
         return
     for line in _lines(found):
-        typer.echo(line)
+        say(line)
 
 
 def cancel(job: JobId, dsn: Dsn = None) -> None:
@@ -74,7 +74,7 @@ def cancel(job: JobId, dsn: Dsn = None) -> None:
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         found = cancel_job(connection, job, Owner(None, sees_all=True))
     told = "is cancelled" if found.is_finished else "stops within seconds"
-    typer.echo(f"Job {found.job_id} ({found.file}) {told}.")
+    say(f"Job {found.job_id} ({found.file}) {told}.")
 
 
 def _lines(job: Job) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from semap_service.cli import anchor, exchange, frames, grids, history
-from semap_service.cli.output import print_rows
+from semap_service.cli.output import print_rows, say
 from semap_service.cli.session import AsJson, Cell, Dsn, MapName, database, signed_edit
 
 
@@ -76,7 +76,7 @@ def create(name: MapName, cell: Cell = 4.0, dsn: Dsn = None) -> None:
 
     with database(dsn) as opened, signed_edit(opened, f"semap map create {name}") as connection:
         create_map(connection, name, cell)
-    typer.echo(f"Map {name} made.")
+    say(f"Map {name} made.")
 
 
 def delete(
@@ -91,4 +91,4 @@ def delete(
         typer.confirm(f"Delete map {name} with its tracks and events?", abort=True)
     with database(dsn) as opened, signed_edit(opened, f"semap map delete {name}") as connection:
         delete_map(connection, name)
-    typer.echo(f"Map {name} deleted.")
+    say(f"Map {name} deleted.")

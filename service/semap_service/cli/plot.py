@@ -10,7 +10,7 @@ import typer
 
 from semap.errors import InvalidInput
 from semap_service.cli.event_log import MapOption, Rules
-from semap_service.cli.output import clock, counted
+from semap_service.cli.output import clock, counted, say
 from semap_service.cli.session import Dsn, database
 from semap_service.cli.stamp import From, To, read_stamp, require_order
 from semap_service.cli.written_file import written
@@ -88,7 +88,7 @@ def plan(
             draft,
         )
     things_drawn = counted(len(shown), "thing")
-    typer.echo(f"{things_drawn} and {counted(len(persons), 'track')} drawn to {file}.")
+    say(f"{things_drawn} and {counted(len(persons), 'track')} drawn to {file}.")
 
 
 def trajectories(
@@ -132,7 +132,7 @@ def trajectories(
         raise InvalidInput("no track was there then", "Ask for another time or other tracks.", map_name)
     with written(file) as draft:
         draw_trajectories(shown, found, f"{map_name}, {clock(first)} to {clock(last)} UTC", draft)
-    typer.echo(f"{counted(len(found), 'track')} drawn to {file}.")
+    say(f"{counted(len(found), 'track')} drawn to {file}.")
 
 
 def timeline(
@@ -148,14 +148,14 @@ def timeline(
     Without --from and --to it shows all events of the map.
     """
     from semap.picture.timeline import draw_timeline  # noqa: PLC0415
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.event.event_log import Selection, lanes, span_of  # noqa: PLC0415
 
     _require_picture(file)
     require_order(start, end)
     with (
         database(dsn) as opened,
-        connect(opened, "semap_read", application="semap plot") as connection,
+        one_transaction(opened, "semap_read", application="semap plot") as connection,
     ):
         span = span_of(connection, map_name)
         if span is None and (start is None or end is None):
@@ -170,7 +170,7 @@ def timeline(
         found = lanes(connection, Selection(map_name, first, last, rules))
     with written(file) as draft:
         draw_timeline(found, first, last, f"{map_name}: rooms, doors and events", draft)
-    typer.echo(f"{counted(len(found), 'lane')} drawn to {file}.")
+    say(f"{counted(len(found), 'lane')} drawn to {file}.")
 
 
 def _require_picture(file: Path) -> None:

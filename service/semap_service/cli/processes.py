@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semap_service.cli.log_options import LogFormatOption, LogLevelOption
+from semap_service.cli.output import say
 from semap_service.cli.session import Dsn, database
 from semap_service.operations.log_lines import LogFormat, write_log
 
@@ -43,8 +45,21 @@ AllowPrivateWebhooks = Annotated[
     bool, typer.Option("--allow-private-webhooks", help="Send to addresses of private networks too.")
 ]
 
+Bridge = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--bridge",
+        metavar="CONFIG",
+        show_default=False,
+        help="Run the bridges of a config as well. More than once.",
+    ),
+]
+
 if TYPE_CHECKING:
+    from semap_bridge.config import Config
+
     from semap.store.database.backoff import Reminder
+    from semap_service.processes.supervisor import Supervisor
 
 log = logging.getLogger(__name__)
 
@@ -63,11 +78,14 @@ def up(
     spool: Spool = None,
     max_upload_mb: MaxUpload = 2048,
     allow_private_webhooks: AllowPrivateWebhooks = False,
+    bridge: Bridge = None,
     log_format: LogFormatOption = LogFormat.TEXT,
     log_level: LogLevelOption = None,
     dsn: Dsn = None,
 ) -> None:
-    """Run everything: PostGIS (semap's own, without --dsn), the rule worker and the service."""
+    """Run everything: PostGIS (semap's own, without --dsn), the rule worker, the service, and bridges."""
+    from semap_bridge.config import read_config  # noqa: PLC0415
+
     from semap.store.database.backoff import Reminder  # noqa: PLC0415
     from semap_service.processes.port import require_free  # noqa: PLC0415
     from semap_service.processes.supervisor import Supervisor, stop_signal  # noqa: PLC0415
@@ -75,6 +93,7 @@ def up(
     write_log(log_format, log_level)
     require_tokens(host, without_tokens)
     require_free(host, port)
+    configs = [read_config(path) for path in bridge or ()]
     stop = stop_signal()
     logged = ["--log-format", log_format, *(("--log-level", log_level) if log_level else ())]
     served = ["--host", host, "--port", str(port), "--rate", str(rate), "--max-upload-mb", str(max_upload_mb)]
@@ -82,23 +101,41 @@ def up(
     served += ["--spool", str(spool)] if spool else []
     served += ["--without-tokens"] if without_tokens else []
     served += ["--allow-private-webhooks"] if allow_private_webhooks else []
-    typer.echo("Starting the database ...")
+    say("Starting the database ...")
     with database(dsn) as opened, Supervisor(opened) as supervisor:
         supervisor.start("work", *logged)
         supervisor.start("serve", *served, *logged)
+        for config in configs:
+            start_bridges(supervisor, config, logged)
         is_told, reminder = False, Reminder(log, "The database server died and cannot be started")
         while not stop.wait(CHECK_S if is_told else FIRST_CHECK_S):
             supervisor.check()
             if not is_told and answers(host, port):
                 is_told = True
-                typer.echo(f"semap is up: http://{host}:{port}/ (Ctrl-C stops it)")
-                typer.echo("Next, in another terminal:")
-                typer.echo("  semap map import BUILDING.geojson")
-                typer.echo("  semap ingest tracks TRACKS.csv --map BUILDING")
-                typer.echo("  semap events --follow")
+                say(f"semap is up: http://{host}:{port}/ (Ctrl-C stops it)")
+                say("Next, in another terminal:")
+                say("  semap map import BUILDING.geojson")
+                say("  semap ingest tracks TRACKS.csv --map BUILDING")
+                say("  semap events --follow")
             if dsn is None:
                 revive_server(reminder)
-        typer.echo("Stopping ...")
+        say("Stopping ...")
+
+
+def start_bridges(supervisor: Supervisor, config: Config, logged: Sequence[str]) -> None:
+    """One process for each bridge of a config; what one brings in, another that is new gives out."""
+    from semap_bridge.context import ROLE  # noqa: PLC0415
+    from semap_bridge.delivery import Past  # noqa: PLC0415
+
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
+
+    with one_transaction(supervisor.dsn, ROLE) as connection:
+        past = Past.now(connection)
+    logged = [*logged, "--past", str(past.event), str(past.change)]
+    for each in config.bridges:
+        supervisor.start(
+            "bridge", "run", str(config.path), "--only", each.settings.name, *logged, may_end=True
+        )
 
 
 def answers(host: str, port: int) -> bool:
@@ -123,7 +160,7 @@ def revive_server(reminder: Reminder) -> None:
     if not Cluster(default_home()).is_running():
         try:
             with lease(default_home()):
-                typer.echo("The database server died; it was started again.", err=True)
+                say("The database server died; it was started again.", err=True)
                 reminder.over()
         except ServerUnavailable as error:
             reminder.say(error)
@@ -221,7 +258,7 @@ def _say_how_to_make_a_token(dsn: str) -> None:
 
     with one_transaction(dsn, "semap_admin") as connection:
         if not has_tokens(connection):
-            typer.echo(
+            say(
                 "There is no token yet. Make one, which is shown once:\n"
                 "  semap token add me --scope admin\n"
                 "On this machine alone, `--without-tokens` needs none.",

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import typer
+from semap_service.cli.output import say
 
 LINE_EACH_S = 5.0
 
@@ -22,7 +22,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Advance]:
         yield lambda done, total: None
         return
     if not sys.stderr.isatty():
-        yield in_lines(what, lambda line: typer.echo(line, err=True))
+        yield in_lines(what, lambda line: say(line, err=True))
         return
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415

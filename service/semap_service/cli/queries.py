@@ -11,7 +11,7 @@ import typer
 from semap.model.continuous_query import Debounce, Declaration, Side
 from semap_service.cli import query_options as options
 from semap_service.cli import relations
-from semap_service.cli.output import clock, print_json_line, print_rows
+from semap_service.cli.output import clock, print_json_line, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.cli.stamp import AsOf
 
@@ -75,6 +75,7 @@ def _row(asked: Declaration, whole: bool) -> dict[str, Any]:
         "debounced" if asked.debounce != Debounce() else "",
         "by probability" if asked.certainty is not None else "",
         "between samples" if asked.between_samples is not None else "",
+        "follows amendments" if asked.follows_amendments else "",
     ]
     return {
         "name": asked.name,
@@ -109,6 +110,7 @@ def add(
     between_samples: options.Between = False,
     longest_gap: options.LongestGap = 30.0,
     fastest: options.Fastest = 30.0,
+    follows_amendments: options.FollowsAmendments = False,
     sql: options.Sql = None,
     dsn: Dsn = None,
 ) -> None:
@@ -141,15 +143,16 @@ def add(
         if sql is not None:
             options.require_plain(asked)
             asked = declaration_from_sql(connection, name, sql)
-        made = add_query(connection, map_name, replace(asked, **edges), sql=sql)
+        asked = replace(asked, **edges, follows_amendments=follows_amendments)
+        made = add_query(connection, map_name, asked, sql=sql)
         is_empty = lacks_instances(connection, made)
     if is_empty:
-        typer.echo(
+        say(
             f"note: no instance of map {map_name} that it is about has the abstraction"
             f" {made.declaration.abstraction}: nothing can hold until one has",
             err=True,
         )
-    typer.echo(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
+    say(f"Query {made.query_id} made: {name}. Let a rule listen to it: semap rule add")
 
 
 def enable(query_id: QueryId, dsn: Dsn = None) -> None:
@@ -168,7 +171,7 @@ def _enable(query_id: int, enabled: bool, dsn: str | None) -> None:
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         done = enable_query(connection, query_id, enabled)
-    typer.echo(f"Query {done.name} is {'enabled' if done.enabled else 'disabled'}.")
+    say(f"Query {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
 
 def delete(query_id: QueryId, dsn: Dsn = None) -> None:
@@ -178,7 +181,7 @@ def delete(query_id: QueryId, dsn: Dsn = None) -> None:
 
     with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
         delete_query(connection, query_id)
-    typer.echo(f"Query {query_id} deleted.")
+    say(f"Query {query_id} deleted.")
 
 
 def now(
@@ -225,7 +228,7 @@ def watch(
                 if delta is None:
                     continue
                 changes += delta.kind is not None
-                print_json_line(asdict(delta)) if as_json else typer.echo(_line(delta))
+                print_json_line(asdict(delta)) if as_json else say(_line(delta))
         except KeyboardInterrupt:
             return
 

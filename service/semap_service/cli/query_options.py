@@ -84,6 +84,13 @@ Between = Annotated[
 ]
 LongestGap = Annotated[float, typer.Option(help="Do not interpolate longer gaps [s].")]
 Fastest = Annotated[float, typer.Option(help="Do not interpolate higher speeds [m/s].")]
+FollowsAmendments = Annotated[
+    bool,
+    typer.Option(
+        "--follows-amendments",
+        help="Correct relations where a tracker finds that it had mistaken tracks: semap track amendments.",
+    ),
+]
 Sql = Annotated[
     str | None,
     typer.Option(help="Instead of the sides and the predicate: a SELECT over the views of semap_query."),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import clock, print_json
+from semap_service.cli.output import clock, print_json, say
 from semap_service.cli.session import AsJson, Dsn, database
 from semap_service.cli.stamp import read_stamp
 
@@ -74,17 +74,17 @@ def recompute(
     for each in outcome.changed[:SHOWN]:
         moved = f" -> {clock(each.by_stamp)}" if each.by_stamp is not None else ""
         about = " ".join(part for part in (each.track, each.type, each.instance) if part)
-        typer.echo(f"{each.verdict:>10}  {clock(each.stamp)}{moved}  {about}")
+        say(f"{each.verdict:>10}  {clock(each.stamp)}{moved}  {about}")
     if len(outcome.changed) > SHOWN:
-        typer.echo(f"... and {len(outcome.changed) - SHOWN} more; --json shows all.")
+        say(f"... and {len(outcome.changed) - SHOWN} more; --json shows all.")
     for name, given_up in outcome.given_up.items():
-        typer.echo(f"Rule {name}: {given_up.as_text()}", err=True)
+        say(f"Rule {name}: {given_up.as_text()}", err=True)
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    typer.echo(f"{'Would be' if dry_run else f'Run {outcome.run_id}:'} {said}.")
+    say(f"{'Would be' if dry_run else f'Run {outcome.run_id}:'} {said}.")
 
 
 def _say(what: str) -> None:
-    typer.echo(f"{what} ...", err=True)
+    say(f"{what} ...", err=True)
 
 
 def _silent(what: str) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
+from threading import Event as Signal
 from typing import TYPE_CHECKING, TypedDict
 
 from semap.timeline.stamp import to_datetime
@@ -11,10 +14,16 @@ from semap_service.cli.events import sentence
 from semap_service.cli.output import counted
 
 if TYPE_CHECKING:
+    from semap_ingest.simulation.office import OfficePaths
+
     from semap_service.evaluation.matching import Scores
     from semap_service.evaluation.play import PlayedEvent
+    from semap_service.processes.supervisor import Supervisor
 
 MAP = "recorded_office"
+LISTENER_S = 60.0
+STILL_S = 1.0
+"""After its last message a robot's sensors are perceived."""
 PACE = 3.0
 """So many times as fast as it happened: what two cores follow."""
 
@@ -22,10 +31,26 @@ Say = Callable[[str], None]
 Advance = Callable[[int, int], None]
 
 
-def play_recorded_office(dsn: str, pace: float | None, say: Say, advance: Advance) -> None:
+LIVE = """
+map: {map}
+bridges:
+  - name: robot
+    kind: ros2
+    domain: {domain}
+    interface: 127.0.0.1
+    robot: base_link
+    image_model: {model}
+"""
+LIVE_DOMAIN = 93
+
+
+def play_recorded_office(
+    dsn: str, pace: float | None, say: Say, advance: Advance, live: Supervisor | None = None
+) -> None:
     """Make the recording at its first use, play it through all of semap, and compare events with labels.
 
     pace     so many times as fast as it happened; None: as fast as it goes
+    live     starts a bridge that hears the recording as topics of ROS 2, which are played in their own time
     advance  called with what is made of the recording, and what there is in all
     raises   DatabaseError where the rule worker does not follow
     """
@@ -47,13 +72,45 @@ def play_recorded_office(dsn: str, pace: float | None, say: Say, advance: Advanc
 
     set_the_stage(dsn, paths.map, MAP)
     speed = "as fast as it goes" if pace is None else f"{pace:g} times as fast as it happened"
-    say(f"Playing {labels.duration_s:.0f} s of images (30 Hz) and scans (15 Hz), {speed}:")
-    played = play(dsn, plan_of(MAP, paths, pace), shown=show)
-    say(f"{played.ingested.states} states of persons, {played.ingested.lines} lines of walls and doors.")
-    rows = [_row(part, each) for part, each in score(labels, played.events).items()]
+    what = f"{labels.duration_s:.0f} s of images (30 Hz) and scans (15 Hz)"
+    if live is not None:
+        say(f"Publishing {what} as ROS 2 topics, which a bridge hears:")
+        events = _play_live(dsn, paths, live, show)
+    else:
+        say(f"Playing {what}, {speed}:")
+        played = play(dsn, plan_of(MAP, paths, pace), shown=show)
+        say(f"{played.ingested.states} states of persons, {played.ingested.lines} lines of walls and doors.")
+        events = played.events
+    rows = [_row(part, each) for part, each in score(labels, events).items()]
     for line in table(rows).splitlines():
         say(line.removeprefix("  "))
     say(verdict(*(sum(row[key] for row in rows) for key in ("happened", "found", "made_up"))))
+
+
+def _play_live(
+    dsn: str, paths: OfficePaths, supervisor: Supervisor, show: Callable[[PlayedEvent], None]
+) -> Sequence[PlayedEvent]:
+    """The events of a bridge that hears the recording."""
+    from semap_bridge.adapters.ros.playing import play as publish  # noqa: PLC0415
+    from semap_bridge.adapters.ros.settings import Ros2Settings  # noqa: PLC0415
+
+    from semap_service.evaluation.office import camera_model  # noqa: PLC0415
+    from semap_service.evaluation.play import listening, wait_for_rules  # noqa: PLC0415
+
+    settings = Ros2Settings(name="player", kind="ros2", domain=LIVE_DOMAIN, interface="127.0.0.1")
+    with TemporaryDirectory() as folder, listening(dsn, MAP, show) as events:
+        config = Path(folder) / "robot.yaml"
+        config.write_text(LIVE.format(map=MAP, domain=LIVE_DOMAIN, model=camera_model()))
+        supervisor.start("bridge", "run", str(config), "--log-level", "warning", may_end=True)
+        robot = settings.graph("semap_player")
+        try:
+            publish(paths.recording, robot, Signal(), wait_s=LISTENER_S)
+        finally:
+            robot.close()
+        wait_for_rules(dsn)
+        Signal().wait(STILL_S)
+        wait_for_rules(dsn)
+    return events
 
 
 def verdict(happened: int, found: int, made_up: int) -> str:

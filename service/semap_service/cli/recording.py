@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import print_json
+from semap_service.cli.output import print_json, say
 from semap_service.cli.session import AsJson
 
 
@@ -44,13 +44,13 @@ def info(
     if as_json:
         print_json({"start": start.isoformat(), "end": end.isoformat(), "topics": rows})
         return
-    typer.echo(f"{start:%Y-%m-%d %H:%M:%S} to {end:%Y-%m-%d %H:%M:%S}, {(end - start).total_seconds():.1f} s")
+    say(f"{start:%Y-%m-%d %H:%M:%S} to {end:%Y-%m-%d %H:%M:%S}, {(end - start).total_seconds():.1f} s")
     width = max((len(str(row["topic"])) for row in rows), default=0)
     for row in rows:
         part = f"({row['part']})" if row["part"] in CHOSEN_BY_NAME_ONLY else row["part"] or "-"
-        typer.echo(f"  {row['topic']:<{width}}  {row['messages']:>8}  {part:<12}  {row['type']}")
+        say(f"  {row['topic']:<{width}}  {row['messages']:>8}  {part:<12}  {row['type']}")
     if any(row["part"] in CHOSEN_BY_NAME_ONLY for row in rows):
-        typer.echo("  (in brackets: only where it is named, as in --topic poses=TOPIC)")
+        say("  (in brackets: only where it is named, as in --topic poses=TOPIC)")
 
 
 def _nothing() -> None:

@@ -6,13 +6,14 @@ import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from semap.errors import InvalidInput, NotFound
 from semap_service.cli import rule_runs
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import print_json, print_rows, say
 from semap_service.cli.rule_arguments import MapOfRule, MapOption, RuleFile, RuleName, declaration_in
 from semap_service.cli.session import AsJson, Dsn, database
 
@@ -33,6 +34,7 @@ def commands() -> typer.Typer:
     app = typer.Typer(no_args_is_help=True, help="Rules: which events are made of what.")
     app.command("list")(list_all)
     app.command("show")(show)
+    app.command("describe")(describe)
     app.command("versions")(versions)
     app.command("template")(template)
     app.command("add")(add)
@@ -61,7 +63,7 @@ def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = Non
     print_rows(rows, as_json, "No rules. A map brings one with it: semap map import BUILDING.geojson")
     for each in found:
         if each.given_up is not None:
-            typer.echo(f"Rule {each.name}: {each.given_up.as_text()}", err=True)
+            say(f"Rule {each.name}: {each.given_up.as_text()}", err=True)
 
 
 def _made_by(declaration: Mapping[str, object]) -> str:
@@ -70,12 +72,55 @@ def _made_by(declaration: Mapping[str, object]) -> str:
     return ", ".join(map(str, emit.values())) if isinstance(emit, Mapping) else str(emit)
 
 
-def show(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
-    """Show a rule as JSON."""
+def show(
+    rule: RuleName,
+    map_name: MapOfRule = None,
+    form: Annotated[
+        Literal["json", "yaml", "sql"],
+        typer.Option("--as", help="yaml and sql are what `rule add` takes; sql of row patterns only."),
+    ] = "json",
+    dsn: Dsn = None,
+) -> None:
+    """Show a rule."""
+    from semap.rules.language.reading import parse_declaration  # noqa: PLC0415
+    from semap.rules.language.sql_written import write_sql  # noqa: PLC0415
+    from semap.rules.language.written import write_rule  # noqa: PLC0415
     from semap.store.event.rules import find_rule  # noqa: PLC0415
 
     with _reading(dsn) as connection:
-        print_json(asdict(find_rule(connection, rule, map_name)))
+        found = find_rule(connection, rule, map_name)
+        if form == "json":
+            print_json(asdict(found))
+        elif form == "yaml":
+            say(write_rule(found.name, found.declaration).rstrip())
+        else:
+            say(write_sql(parse_declaration(found.declaration, found.name)))
+
+
+def describe(
+    rule: Annotated[
+        str | None, typer.Argument(metavar="[RULE]", help="Name or number of a stored rule; or give --file.")
+    ] = None,
+    file: Annotated[
+        Path | None,
+        typer.Option(help="A rule as YAML, JSON or SQL; - reads standard input.", allow_dash=True),
+    ] = None,
+    map_name: MapOfRule = None,
+    dsn: Dsn = None,
+) -> None:
+    """Say in one sentence what a rule does, as it was read."""
+    from semap.rules.language.described import describe as said_of  # noqa: PLC0415
+    from semap.rules.language.reading import parse_declaration  # noqa: PLC0415
+    from semap.store.event.rules import find_rule  # noqa: PLC0415
+
+    if (rule is None) == (file is None):
+        raise InvalidInput("one rule is needed", "Give the name of one, or --file FILE.", "RULE")
+    if file is not None:
+        say(said_of(declaration_in(file)))
+        return
+    with _reading(dsn) as connection:
+        found = find_rule(connection, str(rule), map_name)
+    say(said_of(parse_declaration(found.declaration, found.name)))
 
 
 def versions(rule: RuleName, map_name: MapOfRule = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -111,13 +156,13 @@ def template(
 
     if name is None:
         for each in TEMPLATES.values():
-            typer.echo(f"{each.name}: {each.sentence}")
+            say(f"{each.name}: {each.sentence}")
             for parameter in each.parameters:
                 setting = shlex.quote(f"{parameter.name}={parameter.default}")
-                typer.echo(f"    --set {setting}    {parameter.meaning}")
+                say(f"    --set {setting}    {parameter.meaning}")
         return
     given = dict(_setting(each) for each in settings or ())
-    typer.echo(fill(name, **given).rstrip())
+    say(fill(name, **given).rstrip())
 
 
 def _setting(text: str) -> tuple[str, str]:
@@ -199,7 +244,7 @@ def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     with _editing(dsn) as connection:
         known = find_rule(connection, rule, map_name)
         delete_rule(connection, known.rule_id)
-    typer.echo(f"Rule {known.rule_id} deleted: {known.name}.")
+    say(f"Rule {known.rule_id} deleted: {known.name}.")
 
 
 def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -225,13 +270,13 @@ def _enable(rule: str, map_name: str | None, enabled: bool, dsn: str | None) -> 
 
     with _editing(dsn) as connection:
         done = enable_rule(connection, find_rule(connection, rule, map_name).rule_id, enabled)
-    typer.echo(f"Rule {done.name} is {'enabled' if done.enabled else 'disabled'}.")
+    say(f"Rule {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
 
 def _say(done: Rule, what: str) -> None:
     over = f", over {', '.join(done.queries)}" if done.queries else ""
     past = "" if done.backfill_from is None else "; it runs over the past as well"
-    typer.echo(f"Rule {done.rule_id} {what}: {done.name}, version {done.version}{over}{past}.")
+    say(f"Rule {done.rule_id} {what}: {done.name}, version {done.version}{over}{past}.")
 
 
 @contextmanager

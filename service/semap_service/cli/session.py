@@ -39,11 +39,11 @@ def database(dsn: str | None) -> Iterator[str]:
 
     semap's own is started, made and migrated as needed; the user's own is only checked.
     """
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.operate.schema import require_current  # noqa: PLC0415
 
     if dsn is not None:
-        with connect(dsn) as connection:
+        with one_transaction(dsn) as connection:
             require_current(connection)
         yield dsn
         return
@@ -55,14 +55,14 @@ def database(dsn: str | None) -> Iterator[str]:
 def own_database(name: str = DATABASE) -> Iterator[str]:
     """The DSN of a database in semap's own server."""
     from semap.cluster import default_home, lease  # noqa: PLC0415
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.operate.schema import is_current, migrate  # noqa: PLC0415
 
     with lease(default_home()) as cluster:
         if not cluster.has_database(name):
             cluster.create_database(name)
         own = cluster.dsn(name)
-        with connect(own) as connection:
+        with one_transaction(own) as connection:
             current = is_current(connection)
         if not current:
             migrate(own)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import counted, print_json
+from semap_service.cli.output import counted, print_json, say
 from semap_service.cli.session import AsJson
 
 OFFICE = """
@@ -46,6 +46,10 @@ def office(
     no_camera: Annotated[
         bool, typer.Option("--no-camera", help="Leave out the images: done in seconds, and 6 MB small.")
     ] = False,
+    wall_cameras: Annotated[
+        int, typer.Option(help="So many cameras on walls that find boxes of persons by themselves, up to 6.")
+    ] = 0,
+    wall_lasers: Annotated[int, typer.Option(help="So many lasers on walls, up to 2.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     from semap_ingest.simulation.labels import read_labels  # noqa: PLC0415
@@ -61,6 +65,8 @@ def office(
         camera=not no_camera,
         cloud=cloud,
         gaps=tuple(Gap.parse(text) for text in gap or ()),
+        wall_cameras=wall_cameras,
+        wall_lasers=wall_lasers,
     )
     with progress_bar("tenths of a second", quiet=as_json) as advance:
         paths = write_office(folder, settings, advance)
@@ -80,8 +86,8 @@ def office(
             }
         )
         return
-    typer.echo(f"{duration:g} s with {counted(people, 'person')} written to {paths.recording}:")
-    typer.echo(
+    say(f"{duration:g} s with {counted(people, 'person')} written to {paths.recording}:")
+    say(
         f"{counted(kinds['entered'], 'entering')} and {counted(kinds['left'], 'leaving')} of rooms,"
         f" {counted(kinds['opening'], 'opening')} and {counted(kinds['closing'], 'closing')} of doors."
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semap_service.cli.output import counted, print_json, print_rows
+from semap_service.cli.output import counted, print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
 
     Rows are about as many, as PostgreSQL estimates them; a day of states is one of event time, in UTC.
     """
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.operate.disk_use import read_disk_use  # noqa: PLC0415
 
-    with database(dsn) as opened, connect(opened, "semap_read") as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
         use = read_disk_use(connection)
     if as_json:
         print_json(_size_json(use))
@@ -50,14 +50,14 @@ def size(as_json: AsJson = False, dsn: Dsn = None) -> None:
         False,
         "",
     )
-    typer.echo("")
+    say("")
     print_rows(_day_rows(use.days), False, "No states are kept.")
-    typer.echo("")
-    typer.echo(
+    say("")
+    say(
         f"A day brings about {_bytes(use.growth_bytes)} and {counted(use.growth_states, 'state')}"
         " (mean of the last 7 days)."
     )
-    typer.echo("\n".join(f"Next: {said}." for said in use.due()) or "No states will be dropped.")
+    say("\n".join(f"Next: {said}." for said in use.due()) or "No states will be dropped.")
 
 
 def retention(
@@ -82,7 +82,7 @@ def retention(
     Age is by event time: a recording of last year that comes in today is as old as last year. The rule worker
     does what is due once an hour, `semap db maintain` at once. Without an age nothing is dropped.
     """
-    from semap.store.database.connection import connect  # noqa: PLC0415
+    from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.operate.retention import change_retention, read_retention  # noqa: PLC0415
 
     ages = {
@@ -92,7 +92,7 @@ def retention(
         "events": drop_events_after,
     }
     said: Any = {kind: _age(text, kind) for kind, text in ages.items() if text is not None}
-    with database(dsn) as opened, connect(opened, "semap_admin") as connection:
+    with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         kept = change_retention(connection, said) if said else read_retention(connection)
     rows = [_retention_row(each) for each in kept.values()]
     if as_json:
@@ -114,12 +114,12 @@ def maintain(
     from semap.store.operate.maintenance import maintain as do_all  # noqa: PLC0415
 
     with database(dsn) as opened:
-        done = do_all(opened, lambda text: typer.echo(f"{text} ...", err=True), dry_run=dry_run)
+        done = do_all(opened, lambda text: say(f"{text} ...", err=True), dry_run=dry_run)
     if as_json:
         print_json(_maintained_json(done))
         return
     for line in _told(done, dry_run=dry_run):
-        typer.echo(line)
+        say(line)
 
 
 def _told(done: Maintained, *, dry_run: bool) -> list[str]:

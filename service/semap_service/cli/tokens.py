@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database, user
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def add(
     if as_json:
         print_json({**_row(made), "token": secret})
         return
-    typer.echo(secret)
-    typer.echo("It is not shown again. Send it as: Authorization: Bearer TOKEN", err=True)
+    say(secret)
+    say("It is not shown again. Send it as: Authorization: Bearer TOKEN", err=True)
 
 
 def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -100,7 +100,7 @@ def revoke(
                 raise
             token_id = int(name)
         revoked = revoke_token(connection, token_id)
-    typer.echo(f"{revoked.name} is revoked.")
+    say(f"{revoked.name} is revoked.")
 
 
 def _expiry(text: str, now: datetime) -> datetime:

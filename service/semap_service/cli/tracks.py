@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semap_service.cli.output import clock, counted, print_json_line, print_rows
+from semap_service.cli.output import clock, counted, print_json_line, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database
 
 if TYPE_CHECKING:
@@ -39,9 +39,12 @@ def list_all(
 ) -> None:
     """List the live tracks, with position and extent."""
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.tracks import count_ended, list_tracks  # noqa: PLC0415
 
     with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+        if map_name is not None:
+            get_map(connection, map_name)
         found = list_tracks(
             connection, map_name=map_name, live=None if every else True, after=after, limit=limit
         )
@@ -96,6 +99,7 @@ def amendments(
 ) -> None:
     """Show tracks that turned out to be one person, or that swapped persons, oldest first."""
     from semap.store.database.connection import listen, one_session, wait_for_notice  # noqa: PLC0415
+    from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.track_amendments import list_track_amendments  # noqa: PLC0415
 
     with (
@@ -103,12 +107,15 @@ def amendments(
         one_session(opened, "semap_read", application="semap track") as engine,
         listen(opened, "semap_amendment", "semap_read", application="semap track") as listening,
     ):
+        if map_name is not None:
+            with engine.begin() as connection:
+                get_map(connection, map_name)
         shown = 0
         while True:
             with engine.begin() as connection:
                 page = list_track_amendments(connection, map_name=map_name, after=after, limit=PAGE)
             for each in page:
-                print_json_line(asdict(each)) if as_json else typer.echo(sentence(each))
+                print_json_line(asdict(each)) if as_json else say(sentence(each))
                 after = each.track_amendment_id
             shown += len(page)
             if len(page) == PAGE:
@@ -117,7 +124,7 @@ def amendments(
                 break
             wait_for_notice(listening, WAKE_S)
         if not shown and not as_json:
-            typer.echo("No amendments. Trackers of `semap ingest recording` make them.", err=True)
+            say("No amendments. Trackers of `semap ingest recording` make them.", err=True)
 
 
 def sentence(amendment: TrackAmendment) -> str:

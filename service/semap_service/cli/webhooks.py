@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from semap_service.cli.output import print_json, print_rows
+from semap_service.cli.output import print_json, print_rows, say
 from semap_service.cli.session import AsJson, Dsn, database, user
 
 WebhookId = Annotated[
@@ -71,8 +71,8 @@ def add(
     if as_json:
         print_json({"id": webhook_id, "secret": shown(secret)})
         return
-    typer.echo(shown(secret))
-    typer.echo(f"That is the secret of webhook {webhook_id}. It is not shown again.", err=True)
+    say(shown(secret))
+    say(f"That is the secret of webhook {webhook_id}. It is not shown again.", err=True)
 
 
 def list_(as_json: AsJson = False, dsn: Dsn = None) -> None:
@@ -117,7 +117,7 @@ def remove(webhook: WebhookId, dsn: Dsn = None) -> None:
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         delete_webhook(connection, webhook)
-    typer.echo(f"Webhook {webhook} is removed.")
+    say(f"Webhook {webhook} is removed.")
 
 
 def dead_letters(
@@ -148,7 +148,7 @@ def resend(
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         asked = ask_resend(connection, webhook, letter)
-    typer.echo(f"{asked} to be sent again.")
+    say(f"{asked} to be sent again.")
 
 
 def _set_state(webhook: int, state: str, dsn: str | None) -> None:
@@ -157,4 +157,4 @@ def _set_state(webhook: int, state: str, dsn: str | None) -> None:
 
     with database(dsn) as opened, one_transaction(opened, "semap_admin") as connection:
         change_webhook(connection, webhook, {"state": state})
-    typer.echo(f"Webhook {webhook} is {state}.")
+    say(f"Webhook {webhook} is {state}.")

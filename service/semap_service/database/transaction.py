@@ -12,19 +12,27 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import Depends, Header, Request
-from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.requests import HTTPConnection
 
 from semap.errors import AccessRefused, ChangedMeanwhile, NotFound, NotPermitted, ServerUnavailable
 from semap.store.database.connection import translated
-from semap.store.map.history import sign
-from semap_service.context.caller import acting, current_caller
-from semap_service.database.role import entering, whole_map_role
+from semap.store.database.role import enter
+from semap.store.map.history import lock_edits, sign
+from semap_service.context.caller import Scope, acting, current_caller
 from semap_service.http.etag import Representation, etag_of, names
 
 Current = Callable[[Connection], Representation | tuple[Callable[[], Representation], ...]]
 """What a reader would be sent now, or each of its forms."""
+
+ROLES: dict[Scope, str] = {
+    "read": "semap_read",
+    "ingest": "semap_ingest",
+    "write": "semap_api",
+    "admin": "semap_admin",
+}
+"""Of callers for all maps; those who are restricted to maps have others, with _map behind."""
 
 
 def _engine(connection: HTTPConnection) -> Engine:
@@ -45,7 +53,7 @@ def transaction(engine: Engine) -> Iterator[Connection]:
     whose = acting()
     try:
         with translated(), engine.begin() as connection:
-            connection.exec_driver_sql(entering(whose))
+            enter(connection, ROLES[whose.scope], whose.caller.map_ids, whose.statement_s)
             yield connection
     except NotPermitted as error:
         if whose.caller.map_ids is None:
@@ -66,10 +74,9 @@ def on_whole_map(connection: Connection) -> None:
     Under row-level security PostgreSQL cannot look a shape up by its index. So a statement that is about one
     map, which was found under it, with ids of things that were found under it, may go on without.
     """
-    role = whole_map_role(acting())
-    if role is not None:
-        with translated():
-            connection.exec_driver_sql(role)
+    whose = acting()
+    if whose.caller.map_ids is not None:
+        enter(connection, ROLES[whose.scope])
 
 
 @dataclass(frozen=True)
@@ -135,8 +142,7 @@ class Editing:
         """
         with self.writing.begin() as connection:
             if self.if_match is not None:
-                with translated():
-                    connection.execute(select(func.semap.lock_regions_exclusive()))
+                lock_edits(connection)
                 self._compare(connection, current)
             yield connection
 

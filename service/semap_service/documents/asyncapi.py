@@ -10,6 +10,7 @@ from pydantic.json_schema import models_json_schema
 from semap import __version__
 from semap_service.documents.feed import CloudEvents, Events, Failure, Heartbeat, Hello, TooSlow
 from semap_service.documents.live_map import Delta, LiveHeartbeat, Snapshot
+from semap_service.documents.state import SentStates, StatesHello, Taken
 
 JSON = "application/json"
 SCHEMAS = "#/components/schemas/{model}"
@@ -24,9 +25,13 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "snapshot": Snapshot,
     "delta": Delta,
     "liveHeartbeat": LiveHeartbeat,
+    "statesHello": StatesHello,
+    "sentStates": SentStates,
+    "taken": Taken,
 }
 FEED = ("hello", "events", "cloudEvents", "heartbeat", "tooSlow", "error")
 LIVE = ("snapshot", "delta", "liveHeartbeat", "error")
+TOLD_OF_STATES = ("statesHello", "taken", "error")
 
 QUERY: dict[str, dict[str, Any]] = {
     "after": {"type": "integer", "minimum": 0, "description": "Begin after this number of an event."},
@@ -71,10 +76,24 @@ def asyncapi(host: str, *, secure: bool) -> dict[str, Any]:
                 **_channel("/maps/{name}/live", "A map as it is now: a snapshot, then changes.", LIVE),
                 "parameters": {"name": {"description": "The name of the map."}},
             },
+            "states": {
+                **_channel(
+                    "/maps/{name}/states/live",
+                    "States of tracks from a client, each message answered with what was late or refused.",
+                    ("sentStates", *TOLD_OF_STATES),
+                    query={"source": {"type": "string", "description": "The source of the states."}},
+                ),
+                "parameters": {"name": {"description": "The name of the map."}},
+            },
         },
         "operations": {
             "followEvents": _receives("events", "Follow events.", FEED),
             "watchMap": _receives("live", "Draw a map as it is now.", LIVE),
+            "answerStates": _receives("states", "Say what came of each message.", TOLD_OF_STATES),
+            "takeStates": {
+                **_receives("states", "Take where tracks are.", ("sentStates",)),
+                "action": "receive",
+            },
         },
         "components": {
             "messages": {name: _message(model) for name, model in MESSAGES.items()},
@@ -105,7 +124,7 @@ def _channel(
 
 
 def _receives(channel: str, summary: str, messages: tuple[str, ...]) -> dict[str, Any]:
-    """What the service sends; it heeds nothing that clients send."""
+    """What the service sends, whose action in AsyncAPI is `send`."""
     return {
         "action": "send",
         "channel": {"$ref": f"#/channels/{channel}"},

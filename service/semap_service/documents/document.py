@@ -31,6 +31,7 @@ from shapely.geometry import mapping, shape
 from semap.errors import InvalidInput
 from semap.model.building import HeightBand
 from semap.model.pose import Pose
+from semap.timeline.stamp import rfc3339
 from semap_service.documents.json_values import require_few_values
 
 LARGEST_ID = 2**63 - 1
@@ -99,11 +100,6 @@ class Request(BaseModel):
         return schema
 
 
-def rfc3339(stamp: datetime) -> str:
-    """An aware stamp in UTC with microseconds."""
-    return stamp.astimezone(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
-
-
 def _in_utc(stamp: datetime) -> datetime:
     """raises ValueError for a stamp that is in no year of UTC"""
     try:
@@ -149,6 +145,12 @@ FewValues = BeforeValidator(_of_few_values)
 def next_after(ids: Sequence[int], limit: int) -> int | None:
     """Where the next page begins; None where this one was not full."""
     return ids[-1] if len(ids) == limit else None
+
+
+def require_order(start: datetime, end: datetime) -> None:
+    """raises InvalidInput where `to` is before `from`"""
+    if end < start:
+        raise InvalidInput("it is before `from`", "Give the earlier moment first.", "to")
 
 
 class PoseDocument(Request):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 from uuid import UUID
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
 from semap.store.event.events import StoredEvent
@@ -102,36 +102,4 @@ class EventDocument(Document):
 
 
 def event_document(event: StoredEvent) -> EventDocument:
-    track = instance = None
-    if event.track_id is not None:
-        track = EventTrack(id=event.track_id, name=event.track_name or "")
-    if event.instance_id is not None:
-        instance = EventInstance(id=event.instance_id, name=event.instance_name or "")
-    return EventDocument(
-        seq=event.seq,
-        event_id=event.event_id,
-        map=event.map,
-        type=event.type,
-        stamp=event.stamp,
-        cause=event.cause,  # type: ignore[arg-type]  # the database knows no other
-        rule=event.rule,
-        rule_version=event.rule_version,
-        track=track,
-        instance=instance,
-        since=event.since,
-        key=dict(event.key),
-        measures=dict(event.measures),
-        confidence=event.confidence,
-        by_batch=event.by_batch,
-        verdict=event.verdict,  # type: ignore[arg-type]  # the database knows no other
-        amended_by=event.amended_by,
-        evidence=[EvidenceDocument.model_validate(each) for each in event.evidence],
-    )
-
-
-def event_json(event: StoredEvent) -> bytes:
-    """The document of an event as JSON in UTF-8, without a line break."""
-    return _ADAPTER.dump_json(event_document(event))
-
-
-_ADAPTER = TypeAdapter(EventDocument)
+    return EventDocument.model_validate(event)

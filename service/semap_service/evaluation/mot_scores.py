@@ -1,14 +1,15 @@
-"""How well tracks follow persons: CLEAR MOT, IDF1 and HOTA, by TrackEval on positions.
+"""How well tracks follow persons: CLEAR MOT, IDF1 and HOTA, by TrackEval on positions, or on boxes.
 
 TrackEval is for development only, and imported when it is needed. A person and a track at one stamp are
-alike by 1 - distance / `zero_m`, not below 0, as in MOT15 3D; CLEAR MOT (Bernardin and Stiefelhagen 2008)
+alike by 1 - distance / `zero_m`, not below 0, as in MOT15 3D; boxes of an image by their Jaccard index, as
+in the MOTChallenge. CLEAR MOT (Bernardin and Stiefelhagen 2008)
 and IDF1 (Ristani et al. 2016) count a pair from 0.5 on, HOTA (Luiten et al. 2021) is the mean over
 thresholds from 0.05 to 0.95.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from semap_ingest.sensing.track_states import TrackStates
+from semap_ingest.tracking.overlap import jaccard_index
 
 from semap.errors import InvalidInput
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Alike = Callable[[Floats, Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +32,7 @@ class Places:
 
     stamp_us    (n,)
     identity    (n,) numbers of persons, or of tracks; each once at a stamp
-    position_m  (n, 2)
+    position_m  (n, 2); for `box_scores` (n, 4) corners x_min, y_min, x_max, y_max [px]
     """
 
     stamp_us: Integers
@@ -45,7 +48,7 @@ class MotScores:
     """mota      1 - (missed + false_positives + switches) / places of persons
     idf1      F1 of places under the best assignment of tracks to persons over all time
     hota      geometric mean of detection_accuracy and association_accuracy, over all thresholds
-    distance_m  mean of the pairs that CLEAR MOT counts; NaN where there is none
+    distance_m  mean of the pairs that CLEAR MOT counts; of boxes 1 - Jaccard index; NaN where there is none
     """
 
     mota: float
@@ -82,8 +85,19 @@ def mot_scores(truth: Places, tracks: Places, zero_m: float = 1.0) -> MotScores:
     zero_m  from which distance on a person and a track are not alike at all
     raises  InvalidInput without TrackEval, without truth, and where an identity is twice at a stamp
     """
+    return _scores(
+        truth, tracks, lambda ours, theirs: np.maximum(0.0, 1 - cdist(ours, theirs) / zero_m), zero_m
+    )
+
+
+def box_scores(truth: Places, tracks: Places) -> MotScores:
+    """The same of boxes in the images of one camera."""
+    return _scores(truth, tracks, jaccard_index, 1.0)
+
+
+def _scores(truth: Places, tracks: Places, alike: Alike, zero_m: float) -> MotScores:
     metrics = _track_eval_metrics()
-    data = _sequence(truth, tracks, zero_m)
+    data = _sequence(truth, tracks, alike)
     clear, identity, hota = (metric.eval_sequence(data) for metric in metrics)
     paired = int(clear["CLR_TP"])
     return MotScores(
@@ -113,7 +127,7 @@ def _track_eval_metrics() -> tuple[Any, Any, Any]:
     return CLEAR(quiet), Identity(quiet), HOTA()
 
 
-def _sequence(truth: Places, tracks: Places, zero_m: float) -> dict[str, Any]:
+def _sequence(truth: Places, tracks: Places, alike: Alike) -> dict[str, Any]:
     """What TrackEval's metrics read: identities as indices from 0, per stamp, and how alike they are."""
     if not len(truth):
         raise InvalidInput(
@@ -132,7 +146,7 @@ def _sequence(truth: Places, tracks: Places, zero_m: float) -> dict[str, Any]:
         "gt_ids": [person[rows] for rows in at_truth],
         "tracker_ids": [number[rows] for rows in at_tracks],
         "similarity_scores": [
-            np.maximum(0.0, 1 - cdist(truth.position_m[ours], tracks.position_m[theirs]) / zero_m)
+            alike(truth.position_m[ours], tracks.position_m[theirs])
             for ours, theirs in zip(at_truth, at_tracks, strict=True)
         ],
     }

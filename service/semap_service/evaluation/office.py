@@ -21,6 +21,7 @@ from semap_service.evaluation.matching import Occurrence, Scores, match, togethe
 from semap_service.evaluation.play import Played, PlayedEvent, play, set_the_stage
 from semap_service.evaluation.report import Report
 from semap_service.evaluation.tracking import score_crowd, ways_in_scans
+from semap_service.evaluation.walls import plan_of_walls, wall_scores, wall_settings
 
 TOLERANCE_US = 500_000
 PERSONS = ("person_entered", "person_left")
@@ -29,6 +30,9 @@ COMPLEX = ("opened_then_entered", "opened_then_left", "entered_then_closed", "le
 LASER_PERIOD_MS = 1000 / 15
 MEDIAN_MS = 25.0
 AIM_RATE = 0.95
+BESIDE = ("idf1", "idf1_best_alone")
+WALLS = ((5, 1), (4, 3), (8, 7), (20, 1))
+"""People and seed of the recordings with cameras on walls."""
 PARTS = {"transitions": PERSONS, "doors": DOORS, "complex": COMPLEX}
 
 Advance = Callable[[int, int], None]
@@ -264,6 +268,44 @@ def tracking(stage: Stage, people: Sequence[int]) -> Report:
     )  # fmt: skip
 
 
+def walls(stage: Stage) -> Report:
+    """Four cameras on walls over six rooms: each alone and together, and how long all of it takes.
+
+    The cameras say boxes, so that no time of a detector is in it.
+    """
+    rows = []
+    for people, seed in WALLS:
+        stage.say(f"   {people} people, seed {seed}")
+        paths = stage.recording(wall_settings(people, seed))
+        set_the_stage(stage.dsn, paths.map, "walls")
+        played = play(stage.dsn, plan_of_walls("walls", paths, scan=("/scan",)))
+        rows.append(
+            {
+                "people": people,
+                "seed": seed,
+                **{name: round(value, 4) for name, value in wall_scores(paths).items()},
+                "recording_s": round(played.ingested.length_s, 1),
+                "took_s": round(played.took_s, 1),
+                "share": round(played.took_s / played.ingested.length_s, 2),
+            }
+        )
+    figures = [{name: float(str(value)) for name, value in each.items()} for each in rows]
+    return Report(
+        "walls",
+        "IDF1 above the best camera's, doubled tracks below 0.01, share below 1 with a laser beside",
+        all(
+            each["idf1"] > each["idf1_best_alone"] and each["doubled"] < 0.01 and each["share"] < 1
+            for each in figures
+        ),
+        tuple(rows),
+        (),
+        lambda: pictures.lines(
+            {name: (range(len(rows)), [each[name] for each in figures]) for name in BESIDE},
+            "Four cameras together, and the best of them", "recording", "IDF1",
+        ),
+    )  # fmt: skip
+
+
 def scans(data: Path) -> Report:
     """Real scans of people who walk by, without labels: a picture to look at."""
     path = data / "laser_people" / "demo_stationary_simple_environment.bag"
@@ -295,6 +337,7 @@ def evaluate(
         "throughput": lambda: throughput(stage, people),
         "tracking": lambda: tracking(stage, people),
         "repeat": lambda: repeat(stage),
+        "walls": lambda: walls(stage),
         "scans": lambda: scans(data or Path()),
     }[part]()
 

@@ -11,13 +11,15 @@ from pathlib import Path
 from threading import Event as Signal
 from threading import Thread
 
-import psycopg
 from semap_ingest.pipeline.ingest_recording import Ingested, Plan, ingest_recording
 from semap_ingest.pipeline.meter import Meter, no_meter
 
 from semap.errors import DatabaseError, NotFound
 from semap.rules.language.reading import read_declaration
-from semap.store.database.connection import connect, listen, one_transaction, wait_for_notice
+from semap.store.database.connection import listen, one_transaction, own_session, wait_for_notice
+from semap.store.database.event_number import newest_event
+from semap.store.event.event_progress import end_of_log, has_read
+from semap.store.event.events import StoredEvent, list_events
 from semap.store.event.rules import add_rule
 from semap.store.map.maps import delete_map
 from semap.timeline.stamp import to_us
@@ -25,12 +27,6 @@ from semap_service.exchange.map_file import bring_in, read_file
 
 PATIENCE_S = 60.0
 POLL_S = 0.2
-SINCE = """
-    select e.seq, e.event_id, e.type, e.stamp, e.track_name,
-           coalesce(e.measures ->> 'room', e.key ->> 'room', e.instance_name), e.measures
-    from semap.event e join semap.map m using (map_id)
-    where e.seq > %s and m.name = %s order by e.seq
-"""
 
 
 @dataclass(frozen=True)
@@ -113,15 +109,10 @@ def wait_for_rules(dsn: str) -> None:
     raises  DatabaseError where it does not
     """
     deadline_s = time.monotonic() + PATIENCE_S
-    with connect(dsn, "semap_ingest", application="semap evaluate") as connection:
-        (lsn,) = connection.execute("select pg_current_wal_insert_lsn()").fetchone() or ("",)
-        # a change of its own at the end, so that there is something to commit after all others
-        connection.execute("update semap.source set ended = ended")
+    with own_session(dsn, "semap_ingest", application="semap evaluate") as connection:
+        lsn = end_of_log(connection)
         while time.monotonic() < deadline_s:
-            row = connection.execute(
-                "select bool_and(lsn >= %s::pg_lsn) from semap.progress", [lsn]
-            ).fetchone()
-            if row and row[0]:
+            if has_read(connection, lsn):
                 return
             Signal().wait(POLL_S)
     raise DatabaseError("The rule worker does not keep up.", "See the log of `semap work`.")
@@ -135,25 +126,28 @@ def _listen(
     ready: Signal,
     over: Signal,
 ) -> None:
-    with listen(dsn, "semap_event", "semap_read", application="semap evaluate") as connection:
-        last = _last(connection)
+    with (
+        listen(dsn, "semap_event", "semap_read", application="semap evaluate") as listening,
+        own_session(dsn, "semap_read", application="semap evaluate") as connection,
+    ):
+        last = newest_event(connection)
         ready.set()
         while True:
             is_over = over.is_set()
-            for row in connection.execute(SINCE, [last, map_name]).fetchall():
-                seq, event_id, kind, stamp, track, place, measures = row
-                event = PlayedEvent(
-                    seq, str(event_id), kind, to_us(stamp), track, place, measures, time.monotonic()
-                )
-                events.append(event)
-                last = seq
-                if shown is not None:
-                    shown(event)
+            while found := list_events(connection, after=last, map_name=map_name):
+                last = found[-1].seq
+                for event in map(_played, found):
+                    events.append(event)
+                    if shown is not None:
+                        shown(event)
             if is_over:
                 return
-            wait_for_notice(connection, POLL_S)
+            wait_for_notice(listening, POLL_S)
 
 
-def _last(connection: psycopg.Connection) -> int:
-    row = connection.execute("select event_seq from semap.progress").fetchone()
-    return int(row[0]) if row else 0
+def _played(event: StoredEvent) -> PlayedEvent:
+    place = event.measures.get("room") or event.key.get("room") or event.instance_name
+    return PlayedEvent(
+        event.seq, str(event.event_id), event.type, to_us(event.stamp), event.track_name,
+        str(place), event.measures, time.monotonic(),
+    )  # fmt: skip

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from semap_ingest.pipeline.ingest_recording import Plan, roles_of
-from semap_ingest.pipeline.perception import Perception
-from semap_ingest.pipeline.survey import survey
-from semap_ingest.pipeline.topics import cast_parts
+from semap_ingest.pipeline.ingest_recording import Plan, opened, perception_of, surveyed_sensors
+from semap_ingest.pipeline.rig_sensors import topics_of
 from semap_ingest.recording.reading import Recording
 from semap_ingest.sensing.scan import Scan
 from semap_ingest.sensing.track_states import TrackStates
 from semap_ingest.simulation.labels import TrackLabels
 
-from semap_service.evaluation.mot_scores import MotScores, Places, mot_scores, places_of
+from semap_service.evaluation.mot_scores import MotScores, Places, mot_scores
 
 LEAST_BEAMS = 3
 """Of a scan that must meet a person's legs for the laser to see it."""
@@ -25,24 +23,41 @@ LEAST_BEAMS = 3
 
 def perceive(plan: Plan) -> Iterator[TrackStates]:
     """The states of persons in a recording, without a database."""
-    with Recording(plan.path) as recording:
-        parts = cast_parts(recording.topics, plan.topics)
-        if plan.image_model is None:
-            parts = parts.without("image")
-        perception = Perception(
-            roles_of(parts, plan), survey(recording, parts, plan.images_hz), plan.map_frame
-        )
-        for received in recording.records(parts.all()):
+    rig, _, recording = opened(plan)
+    with recording:
+        perception = perception_of(rig, surveyed_sensors(rig, recording))
+        for received in recording.records(topics_of(rig, recording.topics)):
             yield from (each.states for each in perception.take(received).persons)
         yield from (each.states for each in perception.flush().persons)
 
 
-def score_crowd(plan: Plan, truth: TrackLabels) -> MotScores:
-    """Tracks against the persons that a sensor could see, at the stamps of the scans."""
-    told = {each.stamp_us: each for each in perceive(plan) if len(each)}
-    scans = [int(stamp_us) for stamp_us in truth.stamp_us]
-    places = places_of([told[stamp_us] for stamp_us in scans if stamp_us in told])
-    return mot_scores(*_judged(truth, places))
+def score_crowd(plan: Plan, truth: TrackLabels, within_us: int = 0) -> MotScores:
+    """Tracks against the persons that a sensor could see, at the stamps of the scans.
+
+    within_us  so old a track's newest place may be, where sensors speak at other stamps
+    """
+    return mot_scores(*_judged(truth, told_at(truth, perceive(plan), within_us)))
+
+
+def told_at(truth: TrackLabels, states: Iterable[TrackStates], within_us: int) -> Places:
+    """Where each track was told to be last before each stamp of the truth, if that is not longer ago."""
+    told = sorted((each for each in states if len(each)), key=lambda each: each.stamp_us)
+    stamps: list[int] = []
+    tracks: list[int] = []
+    places: list[NDArray[np.float64]] = []
+    first = 0
+    for stamp_us in truth.stamp_us.tolist():
+        newest: dict[int, NDArray[np.float64]] = {}
+        while first < len(told) and told[first].stamp_us < stamp_us - within_us:
+            first += 1
+        for each in told[first:]:
+            if each.stamp_us > stamp_us:
+                break
+            newest.update(zip(each.track.tolist(), each.position_m, strict=True))
+        stamps += [stamp_us] * len(newest)
+        tracks += newest
+        places += newest.values()
+    return Places(np.array(stamps, np.int64), np.array(tracks, np.int64), np.array(places).reshape(-1, 2))
 
 
 def _judged(truth: TrackLabels, tracks: Places) -> tuple[Places, Places]:

@@ -61,7 +61,10 @@ def bring_in(
     name          of the map; None: what a map calls itself, or the default
     raises        Conflict, InvalidInput
     """
-    wanted = name or (found.name if isinstance(found, MapDocument) else default_name)
+    own_name = found.name if isinstance(found, MapDocument) else default_name
+    wanted = own_name if name is None else name
+    if not wanted:
+        raise InvalidInput("a map without a name", "Give it one.", "name")
     if "/" in wanted:
         raise InvalidInput(f"a map named {wanted!r}", "Choose a name without a slash.", "name")
     if isinstance(found, MapDocument):

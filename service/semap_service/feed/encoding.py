@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from semap_service.documents.cloud_event import cloud_event_json
+from semap.store.event.cloud_event import cloud_event_json
 from semap_service.documents.feed import Heartbeat, Hello
 from semap_service.feed.ring import Entry
 from semap_service.http.websocket import text_frame

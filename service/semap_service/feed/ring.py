@@ -24,17 +24,16 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import TypeVar
 
-import psycopg
 from sqlalchemy import Engine
 
 from semap.errors import SemapError, ServerUnavailable
 from semap.store.database.backoff import Reminder
-from semap.store.database.connection import connect, listen, translated
-from semap.store.database.event_number import newest_event, take_newest
-from semap.store.event.events import StoredEvent, read_stretch, take_events
+from semap.store.database.event_number import newest_event
+from semap.store.event.cloud_event import event_json
+from semap.store.event.event_tail import EventTail
+from semap.store.event.events import StoredEvent, read_stretch
 from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import transaction
-from semap_service.documents.event import event_json
 from semap_service.http.outlet import MOST_BEHIND
 
 log = logging.getLogger(__name__)
@@ -133,8 +132,7 @@ class Feed:
         self._bytes = 0
         self._floor: int | None = None
         self._news = asyncio.Event()
-        self._listener: psycopg.Connection | None = None
-        self._reading: psycopg.Connection | None = None
+        self._tail: EventTail | None = None
         self._placing = 0
         self._unplaced = 0
         self._own_thread = ThreadPoolExecutor(1, "feed")
@@ -283,18 +281,18 @@ class Feed:
 
     async def _follow(self) -> None:
         try:
-            listener = await self._ask_alone(self._listen)
+            tail = await self._ask_alone(self._begin)
             await self._align()
             self.connected = True
             while True:
                 await self._take_new()
-                await _notified(listener)
+                await _notified(tail)
         finally:
             self._hang_up()
 
     async def _align(self) -> None:
         """Begin at the newest event, or go on where the ring ends if the database is still the same."""
-        newest, own_heads = await self._ask_alone(self._newest)
+        newest, own_heads = await self._ask_alone(lambda: self._own_tail().newest())
         if self._floor is None or newest < self.head:
             self._ring.clear()
             self._bytes = 0
@@ -337,30 +335,23 @@ class Feed:
         return await loop.run_in_executor(self._own_thread, partial(copy_context().run, question))
 
     def _hang_up(self) -> None:
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
-        if self._reading is not None:
-            self._reading.close()
-            self._reading = None
+        if self._tail is not None:
+            self._tail.close()
+            self._tail = None
 
-    def _listen(self) -> psycopg.Connection:
-        self._listener = listen(self._dsn, "semap_event", ROLE, application="semap feed")
-        self._reading = connect(self._dsn, ROLE, application="semap feed")
-        return self._listener
+    def _begin(self) -> EventTail:
+        # not by the pool: whoever follows does not wait for slow requests
+        self._tail = EventTail(self._dsn, ROLE, application="semap feed")
+        return self._tail
 
-    def _own_connection(self) -> psycopg.Connection:
-        # not one of the pool: whoever follows does not wait for slow requests
-        if self._reading is None:
+    def _own_tail(self) -> EventTail:
+        if self._tail is None:
             raise ServerUnavailable("The feed of events has no connection.")
-        return self._reading
-
-    def _newest(self) -> tuple[int, dict[str, int]]:
-        return take_newest(self._own_connection())
+        return self._tail
 
     def _new_entries(self, placed: bool) -> list[Entry]:
         # one statement and no other: all events wait for every further turn to the server
-        events = take_events(self._own_connection(), after=self.head, limit=BATCH, placed=placed)
+        events = self._own_tail().events(after=self.head, limit=BATCH, placed=placed)
         return [Entry.of(event) for event in events]
 
 
@@ -379,21 +370,19 @@ def _number(entry: Entry) -> int:
     return entry.event.seq
 
 
-async def _notified(listener: psycopg.Connection) -> None:
+async def _notified(tail: EventTail) -> None:
     """Wait for a notification, for a second at most.
 
     raises  ServerUnavailable if the connection is lost
     """
     loop = asyncio.get_running_loop()
     readable = asyncio.Event()
-    with translated():
-        socket = listener.fileno()
-        loop.add_reader(socket, readable.set)
-        try:
-            await asyncio.wait_for(readable.wait(), POLL_S)
-        except TimeoutError:
-            return
-        finally:
-            loop.remove_reader(socket)
-        for _ in listener.notifies(timeout=0):
-            pass
+    socket = tail.fileno()
+    loop.add_reader(socket, readable.set)
+    try:
+        await asyncio.wait_for(readable.wait(), POLL_S)
+    except TimeoutError:
+        return
+    finally:
+        loop.remove_reader(socket)
+    tail.pass_notices()

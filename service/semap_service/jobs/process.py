@@ -14,14 +14,14 @@ import resource
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
-import psycopg
 from sqlalchemy import Connection, Engine
 
 from semap.errors import SemapError
-from semap.store.database.connection import open_engine
-from semap.store.operate.jobs import fail_job, finish_job, report, stop_job
+from semap.store.database.connection import canceller, open_engine, own_session
+from semap.store.operate.jobs import fail_job, finish_job, hold_job, report, stop_job
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import Editing, Writing, transaction
 from semap_service.jobs.failure import out_of_memory, problem_of, stopped, unexpected, unreadable
@@ -55,7 +55,7 @@ class Watch:
         self._task = task
         self._engine = engine
         self._progress = (0.0, "")
-        self._working: psycopg.Connection | None = None
+        self._cancel: Callable[[], None] | None = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -77,9 +77,7 @@ class Watch:
 
     def on(self, connection: Connection) -> None:
         """This connection works."""
-        driver = connection.connection.driver_connection
-        assert isinstance(driver, psycopg.Connection)  # noqa: S101  (the only driver there is)
-        self._working = driver
+        self._cancel = canceller(connection, CANCEL_S)
         self.say(*self._progress)
 
     def _run(self) -> None:
@@ -106,10 +104,8 @@ class Watch:
         self.stopping.set()
         waited_s = 0.0
         while waited_s < STOP_WITHIN_S:
-            working = self._working
-            if working is not None and not working.closed:
-                with suppress(psycopg.Error):
-                    working.cancel_safe(timeout=CANCEL_S)
+            if self._cancel is not None:
+                self._cancel()
             if self._ended.wait(LOOK_S):
                 return
             waited_s += LOOK_S
@@ -125,9 +121,8 @@ def main() -> None:
     control = open_engine(task.dsn, application=f"semap job {task.job_id}", size=1)
     work = open_engine(task.dsn, application=f"semap job {task.job_id} work", size=1)
     with acting_as(SYSTEM):
-        holder = control.connect()
-        holder.exec_driver_sql("select semap.hold_job(%s)", (task.job_id,))
-        holder.commit()
+        holder = own_session(task.dsn, application=f"semap job {task.job_id} holder")
+        hold_job(holder, task.job_id)
         watch = Watch(task, control)
         signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "told", True))
         watch.start()

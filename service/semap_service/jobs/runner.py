@@ -12,17 +12,17 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-import psycopg
 from sqlalchemy import Connection, Engine
 
 from semap.errors import SemapError, TooManyRequests
 from semap.store.database.backoff import Reminder
-from semap.store.database.connection import connect, translated
+from semap.store.database.connection import is_open, own_session
 from semap.store.operate.jobs import (
     Job,
     Kind,
@@ -31,6 +31,8 @@ from semap.store.operate.jobs import (
     fail_job,
     fail_lost_jobs,
     forget_jobs,
+    hold_job,
+    let_go_of_job,
     next_job_id,
     start_job,
 )
@@ -79,7 +81,7 @@ class JobRunner:
         self._spool = Spool(settings.folder)
         self._threads = ThreadPoolExecutor(settings.at_once, "job")
         self._lock = threading.Lock()
-        self._holder: psycopg.Connection | None = None
+        self._holder: Connection | None = None
         self._held: dict[int, Spooled] = {}
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
         self._stopping = threading.Event()
@@ -217,32 +219,26 @@ class JobRunner:
     def _hold(self, job_id: int, spooled: Spooled) -> None:
         with self._lock:
             holder = self._hold_all()
-            with translated():
-                holder.execute("select semap.hold_job(%s)", [job_id])
+            hold_job(holder, job_id)
             self._held[job_id] = spooled
 
     def _let_go(self, job_id: int) -> None:
         with self._lock:
             if self._held.pop(job_id, None) is None:
                 return
-            if self._holder is not None and not self._holder.closed:
-                try:
-                    self._holder.execute("select pg_advisory_unlock_shared(7369, %s)", [job_id])
-                except psycopg.Error:
-                    self._holder.close()
+            if self._holder is not None and is_open(self._holder):
+                with suppress(SemapError):  # one that is lost holds nothing
+                    let_go_of_job(self._holder, job_id)
 
-    def _hold_all(self) -> psycopg.Connection:
+    def _hold_all(self) -> Connection:
         """The connection that holds this service's jobs, made again where it was lost."""
-        if self._holder is not None and not self._holder.closed:
-            try:
-                self._holder.execute("select 1")
-            except psycopg.Error:
-                self._holder.close()
-        if self._holder is None or self._holder.closed:
-            self._holder = connect(self._dsn, ROLE, application="semap jobs")
-            with translated():
-                for job_id in self._held:
-                    self._holder.execute("select semap.hold_job(%s)", [job_id])
+        if self._holder is not None and not is_open(self._holder):
+            self._holder.close()
+            self._holder = None
+        if self._holder is None:
+            self._holder = own_session(self._dsn, ROLE, application="semap jobs")
+            for job_id in self._held:
+                hold_job(self._holder, job_id)
         return self._holder
 
     def _try(self, work: Callable[[Connection], object]) -> None:

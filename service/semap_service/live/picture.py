@@ -11,7 +11,7 @@ from datetime import datetime
 from pydantic import TypeAdapter
 
 from semap.store.motion.live import LiveMap
-from semap_service.documents.document import rfc3339
+from semap.timeline.stamp import rfc3339
 from semap_service.documents.live_map import ShownDoorDocument, ShownTrackDocument, track_values
 
 

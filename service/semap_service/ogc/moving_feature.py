@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Connection
 
 from semap.store.motion.track_history import span
-from semap_service.documents.document import rfc3339
+from semap.timeline.stamp import rfc3339
 
 GREGORIAN = "urn:ogc:data:time:iso8601"
 

@@ -155,9 +155,12 @@ def properties_of(given: str | None, source: Source) -> tuple[str, ...] | None:
     return names
 
 
-def filter_of(given: str | None, language: str | None, source: Source) -> Expression | None:
+def filter_of(
+    given: str | None, language: str | None, source: Source, *, degrees: bool = False
+) -> Expression | None:
     """A filter in CQL2 text or JSON; without a language what it looks like.
 
+    degrees  whether its shapes are in longitude and latitude, so that a box may cross the antimeridian
     raises  InvalidInput
     """
     if given is None:
@@ -170,9 +173,9 @@ def filter_of(given: str | None, language: str | None, source: Source) -> Expres
             raise InvalidInput("it is no JSON", AS_TEXT, "filter") from error
         if isinstance(document, str):
             raise InvalidInput("it is a text", AS_TEXT, "filter")
-        expression = parse(document, "filter")
+        expression = parse(document, "filter", degrees=degrees)
     else:
-        expression = parse(given, "filter")
+        expression = parse(given, "filter", degrees=degrees)
     check(expression, source.thing.kinds)
     return expression
 

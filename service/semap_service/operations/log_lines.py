@@ -15,7 +15,7 @@ from enum import StrEnum
 from semap_service.context.request_id import current_request_id
 from semap_service.operations.redaction import redacted
 
-SEMAP_LOGGERS = ("semap", "semap_ingest", "semap_service")
+SEMAP_LOGGERS = ("semap", "semap_ingest", "semap_bridge", "semap_service")
 CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), 127, 0x85, 0x2028, 0x2029)} | {10: "\\n", 9: "\\t"}
 """What a caller could forge a line of the log with."""
 

@@ -153,6 +153,7 @@ def _of_database(figures: Figures) -> Iterator[Metric]:
         jobs.add_metric([state], figures.jobs.get(state, 0))
     yield jobs
     yield from _of_webhooks(figures)
+    yield from _of_bridges(figures)
 
 
 def _of_slots(figures: Figures) -> Iterator[Metric]:
@@ -240,3 +241,36 @@ def _of_webhooks(figures: Figures) -> Iterator[Metric]:
         delivered.add_metric(own, webhook.delivered)
         failed.add_metric(own, webhook.failed)
     yield from (active, waiting, dead, delivered, failed)
+
+
+def _of_bridges(figures: Figures) -> Iterator[Metric]:
+    label = ["map", "bridge", "kind"]
+    connected = GaugeMetricFamily("semap_bridge_connected", "Whether it waits for nobody.", labels=label)
+    told_at = GaugeMetricFamily("semap_bridge_told_timestamp_seconds", "When it last spoke.", labels=label)
+    lag = GaugeMetricFamily(
+        "semap_bridge_lag_seconds", "How long the last that came in waited to be passed on.", labels=label
+    )
+    counters = {
+        name: CounterMetricFamily(f"semap_bridge_{name}", said, labels=label)
+        for name, said in (
+            ("received", "Records that came in."),
+            ("committed", "Records that were stored."),
+            ("delivered", "Events that were given out."),
+            ("dropped", "Records of a live source that nothing could keep."),
+            ("reconnects", "Times that the peer was lost, or refused it."),
+        )
+    }
+    refused = CounterMetricFamily(
+        "semap_bridge_refused", "Records that cannot be used.", labels=[*label, "reason"]
+    )
+    for bridge in figures.bridges:
+        own = [bridge.map, bridge.name, bridge.kind]
+        connected.add_metric(own, bridge.is_connected)
+        told_at.add_metric(own, bridge.told_at.timestamp())
+        if bridge.lag_s is not None:
+            lag.add_metric(own, bridge.lag_s)
+        for name, counter in counters.items():
+            counter.add_metric(own, getattr(bridge, name))
+        for reason, count in sorted(bridge.refusals.items()):
+            refused.add_metric([*own, reason], count)
+    yield from (connected, told_at, lag, *counters.values(), refused)

@@ -22,17 +22,23 @@ STEADY_S = 10.0
 STOP_S = 10.0
 WATCH_S = 0.5
 PARENT_VARIABLE = "SEMAP_PARENT"
+FINAL = (0, 2)
+"""Done; called wrongly. Neither is mended by another start."""
 
 
 @dataclass
 class Process:
-    """One supervised process: `semap` with these arguments."""
+    """One supervised process: `semap` with these arguments.
+
+    may_end  one that ends by itself, or was called wrongly, is not started again
+    """
 
     arguments: Sequence[str]
     popen: subprocess.Popen[bytes] | None = None
     started_s: float = 0.0
     retry_s: float = FIRST_RETRY_S
     due_s: float = 0.0
+    may_end: bool = False
 
 
 @dataclass
@@ -48,8 +54,8 @@ class Supervisor:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def start(self, *arguments: str) -> None:
-        process = Process(arguments)
+    def start(self, *arguments: str, may_end: bool = False) -> None:
+        process = Process(arguments, may_end=may_end)
         self.processes.append(process)
         self._spawn(process)
 
@@ -60,6 +66,8 @@ class Supervisor:
             if process.popen is None:
                 if now_s >= process.due_s:
                     self._spawn(process)
+            elif process.popen.poll() in FINAL and process.may_end:
+                continue
             elif process.popen.poll() is not None:
                 if now_s - process.started_s > STEADY_S:
                     process.retry_s = FIRST_RETRY_S
@@ -71,6 +79,13 @@ class Supervisor:
                 process.popen = None
                 process.due_s = now_s + process.retry_s
                 process.retry_s = min(process.retry_s * 2, LAST_RETRY_S)
+
+    def ended(self) -> int | None:
+        """The worst status of all, where none runs and none is to be started again; else None."""
+        statuses = [None if each.popen is None else each.popen.poll() for each in self.processes]
+        if any(status not in FINAL for status in statuses):
+            return None
+        return max(status for status in statuses if status is not None)
 
     def stop(self) -> None:
         """End all: asked first, killed after a while."""

@@ -1,4 +1,4 @@
-"""/events, to be polled, and what describes events and feeds: /schemas/event, /asyncapi.json"""
+"""/events to be polled, /maps/{name}/events to be searched, and what describes them"""
 
 from __future__ import annotations
 
@@ -12,11 +12,24 @@ from fastapi.responses import JSONResponse
 from pydantic import Field, TypeAdapter
 from starlette.requests import Request
 
+from semap.errors import InvalidInput
+from semap.store.event import event_search
+from semap.store.event.cloud_event import BATCH
+from semap.timeline.stamp import to_datetime, to_us
+from semap_service.context.caller import current_caller
 from semap_service.database.event_selection import Selection
-from semap_service.database.transaction import Database
+from semap_service.database.transaction import Database, transaction
 from semap_service.documents.asyncapi import asyncapi
-from semap_service.documents.cloud_event import BATCH, CloudEventDocument, schema_url
-from semap_service.documents.document import LARGEST_ID, Document, Limit
+from semap_service.documents.cloud_event import CloudEventDocument, schema_url
+from semap_service.documents.document import (
+    LARGEST_ID,
+    Document,
+    InStamp,
+    Limit,
+    Name,
+    Stamp,
+    require_order,
+)
 from semap_service.documents.event import EventDocument
 from semap_service.feed.request import EnvelopeName, Wanted, envelope_of
 from semap_service.feed.ring import Feed, Page
@@ -30,6 +43,7 @@ LONGEST_WAIT_S = 60
 LONGEST_SEARCH_S = 2.0
 """How long one request looks for the first event that a filter takes."""
 SCHEMA = "application/schema+json"
+CURSOR = r"^-?\d{1,17}\.\d{1,18}$"
 
 REFERENCES = "#/components/schemas/{model}"
 
@@ -49,6 +63,14 @@ class AsyncApiDocument(Document):
 class EventList(Document):
     events: list[EventDocument] = Field(description="In the order of their numbers.")
     next: int = Field(description="`after` of the next request, whether or not there was an event.")
+
+
+class EventPage(Document):
+    """Events of a map, found by what they are about."""
+
+    events: list[EventDocument] = Field(description="The newest first.")
+    next: str | None = Field(description="`before` of the next page; null where this is the last one.")
+    reached: Stamp | None = Field(description="All events after it were looked at; null: all of the map.")
 
 
 def _batch_schema() -> dict[str, Any]:
@@ -95,6 +117,54 @@ async def list_events(
     return Response(b"[%b]" % events, media_type=BATCH, headers=links)
 
 
+@router.get("/maps/{name}/events", operation_id="search_events", responses=problems(404))
+def search_events(
+    database: Database,
+    name: str,
+    start: Annotated[
+        InStamp | None, Query(alias="from", description="Only events from this stamp on (RFC 3339).")
+    ] = None,
+    end: Annotated[
+        InStamp | None, Query(alias="to", description="Only events up to this stamp (RFC 3339).")
+    ] = None,
+    event_type: Annotated[Name | None, Query(alias="type", description="Only events of this type.")] = None,
+    track: Annotated[Name | None, Query(description="Only events about the track of this name.")] = None,
+    instance: Annotated[
+        Name | None, Query(description="Only events about the instance of this name.")
+    ] = None,
+    text: Annotated[
+        Name | None,
+        Query(description="Only events with each of these words in the type, the rule, a name or a value."),
+    ] = None,
+    before: Annotated[
+        str | None, Query(pattern=CURSOR, description="Go on there: `next` of the page before.")
+    ] = None,
+    limit: Limit = 100,
+) -> EventPage:
+    """Events of a map in the order of their stamps, the newest first.
+
+    One request looks among 10,000 events for those that are wanted: a page may have none, and a `next`.
+    """
+    if start is not None and end is not None:
+        require_order(start, end)
+    wanted = event_search.Wanted(start, end, event_type, track, instance, text)
+    with transaction(database) as connection:
+        found = event_search.search_events(
+            connection,
+            name,
+            wanted,
+            before=None if before is None else _place(before),
+            limit=limit,
+            own=current_caller().maps is not None,
+        )
+    last = found.last
+    return EventPage(
+        events=[EventDocument.model_validate(each) for each in found.events],
+        next=None if last is None else f"{to_us(last.stamp)}.{last.number}",
+        reached=None if last is None else last.stamp,
+    )
+
+
 @router.get(
     "/schemas/event",
     operation_id="get_event_schema",
@@ -125,6 +195,14 @@ def get_event_schema(request: Request) -> Response:
 def get_asyncapi(request: Request) -> Response:
     """The messages of the feeds (AsyncAPI 3.0)."""
     return JSONResponse(asyncapi(request.url.netloc, secure=request.url.scheme == "https"))
+
+
+def _place(cursor: str) -> event_search.Place:
+    stamp_us, number = map(int, cursor.split("."))
+    try:
+        return event_search.Place(to_datetime(stamp_us), number)
+    except OverflowError as error:
+        raise InvalidInput("it is no cursor", "Give `next` of the page before.", "before") from error
 
 
 async def _first_found(

@@ -10,13 +10,13 @@ from pydantic import Field
 from starlette.requests import Request
 
 from semap import __version__
+from semap.store.operate.readiness import lacks, read_state
 from semap.store.operate.schema import head_version
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import transaction
 from semap_service.documents.document import Document
 from semap_service.documents.problem import Place
 from semap_service.http.problem import RETRY_S, problem_response, problems
-from semap_service.operations.readiness import lacks, read_state
 
 router = APIRouter(tags=["service"])
 

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from semap.errors import InvalidInput
 from semap.store.event import events
 from semap.store.motion import moment
+from semap.store.motion.tracks import get_track
+from semap.timeline.stamp import EARLIEST, LATEST
 from semap_service.context.caller import current_caller
 from semap_service.database.transaction import Database, transaction
-from semap_service.documents.document import Document, InStamp, Stamp
-from semap_service.documents.event import EventDocument, event_document
+from semap_service.documents.document import Document, Id, InStamp, Limit, Stamp, require_order
+from semap_service.documents.event import EventDocument
 from semap_service.documents.live_map import ShownDoorDocument, ShownTrackDocument, track_values
 from semap_service.http.problem import problems
 
 router = APIRouter(tags=["history"])
 
 From = Annotated[InStamp, Query(alias="from", description="The earlier moment (RFC 3339).")]
+To = Annotated[InStamp, Query(alias="to", description="The later moment, included.")]
 
 
 class PastTrackDocument(ShownTrackDocument):
@@ -56,6 +57,22 @@ class RoomTimeline(Document):
     instance_id: int
     name: str = Field(examples=["Room07"])
     stays: list[StayDocument] = Field(description="In the order in which they began.")
+
+
+class RoomStayDocument(Document):
+    """The track was in the room."""
+
+    instance_id: int
+    name: str = Field(description="Of the room, as it is now or was last.", examples=["Room07"])
+    from_: Stamp = Field(serialization_alias="from")
+    to: Stamp | None = Field(description="null while it holds.")
+
+
+class RoomStayList(Document):
+    """Where a track was, also after its end."""
+
+    stays: list[RoomStayDocument] = Field(description="The last first.")
+    more: bool = Field(description="Whether `limit` left out earlier ones.")
 
 
 class DoorStateDocument(Document):
@@ -131,13 +148,13 @@ def get_timeline(
     database: Database,
     name: str,
     start: From,
-    end: Annotated[InStamp, Query(alias="to", description="The later moment, included.")],
+    end: To,
     limit: Annotated[
         int, Query(ge=1, le=10_000, description="At most so many stays, states and events each.")
     ] = 1000,
 ) -> TimelineDocument:
     """Occupancy of rooms, states of doors and events between two moments."""
-    _require_order(start, end)
+    require_order(start, end)
     with transaction(database) as connection:
         stays = moment.stays(connection, name, start, end, limit + 1)
         states = moment.door_states(connection, name, start, end, limit + 1)
@@ -150,8 +167,37 @@ def get_timeline(
         to=end,
         rooms=_rooms(stays[:limit]),
         doors=_doors(states[:limit]),
-        events=[event_document(each) for each in happened[:limit]],
+        events=[EventDocument.model_validate(each) for each in happened[:limit]],
         more=more,
+    )
+
+
+@router.get("/tracks/{id}/stays", operation_id="list_stays_of_track", responses=problems(404))
+def list_stays_of_track(
+    database: Database,
+    id: Id,  # noqa: A002
+    start: Annotated[
+        InStamp,
+        Query(alias="from", description="Held after it (RFC 3339). [default: the beginning]"),
+    ] = EARLIEST,
+    end: Annotated[
+        InStamp, Query(alias="to", description="Began by then (RFC 3339). [default: now]")
+    ] = LATEST,
+    limit: Limit = 100,
+) -> RoomStayList:
+    """In which rooms this track was and when, also after its end."""
+    require_order(start, end)
+    with transaction(database) as connection:
+        get_track(connection, id)
+        found = moment.stays_of_track(connection, id, start, end, limit + 1)
+    return RoomStayList(
+        stays=[
+            RoomStayDocument(
+                instance_id=each.instance_id, name=each.instance, from_=each.since, to=each.until
+            )
+            for each in found[:limit]
+        ],
+        more=len(found) > limit,
     )
 
 
@@ -162,11 +208,6 @@ def get_extent(database: Database, name: str) -> ExtentDocument:
         found = moment.extent(connection, name)
     first, last = found or (None, None)
     return ExtentDocument(first=first, last=last)
-
-
-def _require_order(start: datetime, end: datetime) -> None:
-    if end < start:
-        raise InvalidInput("it is before `from`", "Give the earlier moment first.", "to")
 
 
 def _rooms(stays: tuple[moment.Stay, ...]) -> list[RoomTimeline]:

@@ -8,9 +8,9 @@ from uuid import UUID
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
 
+from semap.model.object_state import NewObjectState
 from semap.store.map.maps import get_map
 from semap.store.motion import object_states
-from semap.store.motion.object_states import NewObjectState
 from semap_service.database.transaction import Database, Write, transaction
 from semap_service.documents.document import (
     After,
@@ -23,7 +23,6 @@ from semap_service.documents.document import (
     Request,
     Stamp,
     next_after,
-    stored,
 )
 from semap_service.http.problem import problems
 
@@ -37,7 +36,7 @@ Attributes = Annotated[dict[str, Any], Field(description="Further data of the so
 class ObjectStateDocument(Document):
     """A property of an instance has a value from a stamp on."""
 
-    id: int = stored("object_state_id", description="In the order of arrival.")
+    id: int = Field(description="In the order of arrival.")
     uid: UUID = Field(description="The same for the same state, however often it is sent.")
     map: str
     source: str
@@ -119,7 +118,7 @@ def list_object_states(
         )
     return ObjectStateList(
         object_states=[ObjectStateDocument.model_validate(each) for each in found],
-        next=next_after([each.object_state_id for each in found], limit),
+        next=next_after([each.id for each in found], limit),
     )
 
 

@@ -11,8 +11,8 @@ from semap.store.features.collection import Collection, get_collection, list_col
 from semap.store.features.extent import Extent, extents_of
 from semap.store.features.placing import placing_of
 from semap.store.features.source import source_of
+from semap.timeline.stamp import rfc3339
 from semap_service.database.transaction import Database, transaction
-from semap_service.documents.document import rfc3339
 from semap_service.documents.ogc_features import (
     JSON,
     CollectionDocument,

@@ -107,7 +107,7 @@ def list_features(
             box_system=box_system,
             start=start,
             end=end,
-            filter=parameters.filter_of(filter, filter_lang, source),
+            filter=parameters.filter_of(filter, filter_lang, source, degrees=filter_system.degrees),
             filter_system=filter_system,
             sort=parameters.sort_of(sortby, source),
             properties=parameters.properties_of(properties, source),

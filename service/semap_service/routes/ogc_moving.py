@@ -18,9 +18,8 @@ from semap.store.features.collection import Collection, get_collection
 from semap.store.features.placing import Placing, System, placing_of, shown_shapes
 from semap.store.motion.track_history import history, state_at, states_around
 from semap.store.motion.tracks import get_track
-from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND, to_datetime, to_us
+from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND, rfc3339, to_datetime, to_us
 from semap_service.database.transaction import Database, transaction
-from semap_service.documents.document import rfc3339
 from semap_service.documents.ogc_features import JSON, Link
 from semap_service.documents.ogc_moving_features import (
     MovingPoint,

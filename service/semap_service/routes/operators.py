@@ -7,9 +7,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter
 from pydantic import Field
 
+from semap.model.selection import Selection
 from semap.store.map.operator_table import OPERATORS, Operator
 from semap.store.map.operators import run_operator
-from semap.store.map.selection import Selection
 from semap_service.database.transaction import Write, on_whole_map
 from semap_service.documents.document import LARGEST_ID, Document, Name, Request
 from semap_service.http.problem import problems

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from math import pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -141,6 +142,11 @@ class Asked(Request):
     between_samples: BetweenSamplesDocument | None = Field(
         None, description="null: relations follow the samples alone."
     )
+    follows_amendments: bool = Field(
+        False,
+        description="Where a tracker finds that it had mistaken tracks, relations are corrected. Only for"
+        " tracks in, on or near instances; it stays true.",
+    )
 
     sql: Annotated[str, Field(max_length=100_000)] | None = Field(
         None,
@@ -179,6 +185,7 @@ class Asked(Request):
             "debounce": Debounce(**self.debounce.model_dump()),
             "certainty": None if sure is None else Certainty(**sure.model_dump()),
             "between_samples": None if between is None else BetweenSamples(**between.model_dump()),
+            "follows_amendments": self.follows_amendments,
         }
 
 
@@ -212,6 +219,7 @@ class QueryDocument(Document):
     debounce: DebounceDocument
     certainty: CertaintyDocument | None
     between_samples: BetweenSamplesDocument | None
+    follows_amendments: bool
     payload: dict[str, str] = Field(
         description="The payload of each relation, by the names of columns.",
         examples=[{"room_name": "object.name", "track_name": "subject.name"}],
@@ -287,7 +295,7 @@ class QueryResult(Document):
     next: str | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
-PLACE = r"^\d{1,19}-\d{1,10}$"
+PLACE = re.compile(r"(-?\d{1,19})-(-?\d{1,19})")
 
 
 @router.get("/queries/{id}/result", operation_id="get_query_result", responses=problems(404))
@@ -296,13 +304,16 @@ def get_query_result(
     id: SmallId,  # noqa: A002
     limit: Limit = 100,
     after: Annotated[
-        str, Query(pattern=PLACE, description="Go on after this place: `next` of the page before.")
-    ] = "0-0",
+        str | None,
+        Query(pattern=rf"^{PLACE.pattern}$", description="Go on after this place: `next` of a page."),
+    ] = None,
 ) -> QueryResult:
     """What holds by a query now: the rows of its live table."""
-    first, second = (int(part) for part in after.split("-"))
+    place = None
+    if after is not None and (match := PLACE.fullmatch(after)) is not None:
+        first, second = (max(min(int(part), LARGEST_ID), -LARGEST_ID) for part in match.groups())
+        place = (first, second)
     with transaction(database) as connection:
-        place = (min(first, LARGEST_ID), min(second, LARGEST_ID))
         found = queries.query_result(connection, id, after=place, limit=limit)
     return QueryResult(
         rows=[dict(each.columns) for each in found],

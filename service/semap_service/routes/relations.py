@@ -16,7 +16,6 @@ from semap.store.relation.probability import probabilities
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import (
     LARGEST_ID,
-    LARGEST_SMALL_ID,
     Document,
     Id,
     InStamp,
@@ -29,7 +28,7 @@ from semap_service.http.problem import problems
 
 router = APIRouter(tags=["relations"])
 
-PLACE = re.compile(r"([0-2])-(\d{1,19})-(\d{1,19})")
+PLACE = re.compile(r"([01])-(\d{1,19})-(-?\d{1,19})-(-?\d{1,19})")
 SIDE = "null where that side is of the other kind."
 
 
@@ -57,7 +56,7 @@ class RelationDocument(Document):
 
 
 class RelationList(Document):
-    relations: list[RelationDocument] = Field(description="By track; then those of pairs; then those over.")
+    relations: list[RelationDocument] = Field(description="By query; those that are over last.")
     next: str | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
@@ -84,7 +83,7 @@ def list_relations(
     query: Annotated[Name | None, Query(description="Only those of the query of this name.")] = None,
     as_of: AsOf = None,
     limit: Limit = 100,
-    after: RelationAfter = "0-0-0",
+    after: RelationAfter = "0-0-0-0",
 ) -> RelationList:
     """The current relations, by name; with `as_of` those at a time, with beginning and duration."""
     wanted = relations.Wanted(map_name, query, track=track, instance=room)
@@ -100,7 +99,7 @@ def list_rooms_of_track(
     database: Database,
     id: Id,  # noqa: A002
     limit: Limit = 100,
-    after: RelationAfter = "0-0-0",
+    after: RelationAfter = "0-0-0-0",
 ) -> RelationList:
     """Which rooms this track is in now, and since when."""
     with transaction(database) as connection:
@@ -112,14 +111,14 @@ def list_rooms_of_track(
 def _place(after: str) -> relations.Place:
     match = PLACE.fullmatch(after)
     assert match is not None  # noqa: S101  (validated)
-    # only regions have a second id, and theirs is small
-    return int(match[1]), min(int(match[2]), LARGEST_ID), min(int(match[3]), LARGEST_SMALL_ID)
+    subject, object_ = (max(min(int(match[n]), LARGEST_ID), -LARGEST_ID) for n in (3, 4))
+    return int(match[1]), min(int(match[2]), LARGEST_ID), subject, object_
 
 
 def _page(connection: Connection, found: tuple[relations.Relation, ...], limit: int) -> RelationList:
-    known = probabilities(connection, (each.place[1:] for each in found if each.is_kept_by_region))
+    known = probabilities(connection, found)
     return RelationList(
-        relations=[_document(each, known.get(each.place[1:])) for each in found],
+        relations=[_document(each, known.get(each.place)) for each in found],
         next="-".join(map(str, found[-1].place)) if len(found) == limit else None,
     )
 

@@ -79,12 +79,7 @@ def find_route(
     """
     with transaction(database) as connection:
         found = route.way(connection, _place(start, "from"), _place(end, "to"))
-    return WayDocument(
-        length_m=found.length_m,
-        steps=[StepDocument.model_validate(each) for each in found.steps],
-        line=[list(place) for place in found.line],
-        gap=None if found.gap is None else GapDocument.model_validate(found.gap),
-    )
+    return WayDocument.model_validate(found)
 
 
 def _place(given: str, where: str) -> route.Place:

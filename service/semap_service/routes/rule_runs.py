@@ -1,25 +1,34 @@
-"""/rules/dry-run, /rules/{id}/explanation"""
+"""/rules/dry-run, /rules/{id}/explanation, /rules/{id}/certificate"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Annotated, Any
+from uuid import UUID
 
-import psycopg
+from anyio import from_thread
 from fastapi import APIRouter, Query
+from fastapi import Request as Connected
 from pydantic import Field
-from sqlalchemy import Connection
 
 from semap.errors import TooLarge
-from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.language.reading import parse_declaration
+from semap.store.database.connection import driver_of
 from semap.store.event.rules import get_rule
 from semap.store.map.maps import get_map
 from semap.worker import past, why
 from semap_service.database.transaction import Database, on_whole_map, transaction
-from semap_service.documents.document import Document, InStamp, Name, Request, SmallId, Stamp
+from semap_service.documents.document import (
+    Document,
+    InStamp,
+    Name,
+    Request,
+    SmallId,
+    Stamp,
+    require_order,
+)
 from semap_service.documents.event import EventInstance, EventTrack, EvidenceDocument
 from semap_service.documents.rule import Declaration, GivenUpDocument
 from semap_service.http.problem import problems
@@ -31,6 +40,9 @@ MOST_EVENTS = 1000
 MOST_MADE = 100_000
 LONGEST_S = 20.0
 """A dry run that takes longer is ended: others want to be answered, too."""
+
+LOOK_S = 0.2
+"""How often it is looked whether the caller of a dry run is still there."""
 
 
 class DryRun(Request):
@@ -46,7 +58,7 @@ class DryRun(Request):
 class DryEventDocument(Document):
     """An event as it would be made."""
 
-    event_id: str
+    event_id: UUID
     type: str
     stamp: Stamp
     since: Stamp
@@ -77,8 +89,9 @@ class ExplanationDocument(Document):
 
 
 @router.post("/rules/dry-run", operation_id="dry_run_rule", responses=problems(404, 413))
-def dry_run_rule(database: Database, wanted: DryRun) -> DryRunAnswer:
+def dry_run_rule(database: Database, wanted: DryRun, connected: Connected) -> DryRunAnswer:
     """Run a rule over stored history and give the events that it would have made; nothing is written.
+    It ends when the caller goes away.
 
     At most 200,000 rows are read, 100,000 events made, and 20 s spent: narrow `from` and `to` beyond that.
     """
@@ -88,18 +101,18 @@ def dry_run_rule(database: Database, wanted: DryRun) -> DryRunAnswer:
         get_map(connection, wanted.map)
         on_whole_map(connection)
         events = past.dry_run(
-            _psycopg(connection),
+            driver_of(connection),
             wanted.map,
             declared,
             wanted.start,
             wanted.end,
             MOST_ROWS,
-            _patience(),
+            _patience(connected.is_disconnected),
             lambda _, what: given_up.append(what),
         )
     return DryRunAnswer(
         count=len(events),
-        events=[_document(event) for event in events[:MOST_EVENTS]],
+        events=[DryEventDocument.model_validate(event) for event in events[:MOST_EVENTS]],
         given_up=GivenUpDocument.model_validate(given_up[0]) if given_up else None,
     )
 
@@ -120,47 +133,84 @@ def explain_rule(
         rule = get_rule(connection, id)
         on_whole_map(connection)
         declared = parse_declaration(rule.declaration, rule.name)
-        found = why.explain(_psycopg(connection), rule.map, declared, at, named, most_rows=MOST_ROWS)
+        found = why.explain(driver_of(connection), rule.map, declared, at, named, most_rows=MOST_ROWS)
     lines = found.as_text().splitlines()
     if rule.given_up is not None:
         lines.append(f"Since version {rule.version} is in force: {rule.given_up.as_text()}")
     return ExplanationDocument(found=found.match is not None, lines=lines)
 
 
-def _patience() -> Callable[[int], None]:
-    """Ends a run that makes too much, or takes too long, with TooLarge."""
+class CertificateDocument(Document):
+    """What a rule found in a span, and how far it came, with all that this rests on. Instants are in us.
+
+    `semap rule verify` checks it by itself, as does `python -m semap.certificate FILE`; no engine.
+    """
+
+    certificate: int = Field(description="Version of this form.", examples=[1])
+    map: str
+    version: int = Field(description="Of the rule.")
+    rule: dict[str, Any] = Field(description="Its name and clauses.")
+    key: dict[str, str] = Field(description="Only keys with these names; empty: all.")
+    from_us: int = Field(description="What is claimed is all that meets this span, both ends included.")
+    until_us: int
+    known_us: int = Field(description="Up to here all rows of these keys are listed.")
+    streams: list[dict[str, Any]] = Field(
+        description="For each key in which there was something its ids and its rows, from where they count."
+    )
+    events: list[dict[str, Any]] = Field(
+        description="The events, each with its rows by variable and uid, and its measures."
+    )
+    attempts: list[dict[str, Any]] = Field(
+        description="Those that came to nothing, the furthest first, each with what it waited for, and the"
+        " row or the silence that ended it."
+    )
+    other_attempts: int = Field(description="Those that came no further than these.")
+
+
+@router.get("/rules/{id}/certificate", operation_id="certify_rule", responses=problems(404, 413))
+def certify_rule(
+    database: Database,
+    id: SmallId,  # noqa: A002
+    start: Annotated[InStamp, Query(alias="from", description="From then on.")],
+    end: Annotated[
+        InStamp | None, Query(alias="to", description="To then, included. [default: the moment `from` alone]")
+    ] = None,
+    key: Annotated[
+        list[str] | None,
+        Query(
+            description="Properties of `partition_by` as name=value; of all keys without.",
+            examples=[["room=Room07"]],
+        ),
+    ] = None,
+) -> CertificateDocument:
+    """What a rule found in a span of time, over all keys or some, and why not more, to be verified."""
+    end = start if end is None else end
+    require_order(start, end)
+    named = dict(each.partition("=")[::2] for each in key or ())
+    with transaction(database) as connection:
+        rule = get_rule(connection, id)
+        on_whole_map(connection)
+        declared = parse_declaration(rule.declaration, rule.name)
+        span = start, end
+        found = why.certify(driver_of(connection), rule.map, declared, span, named, rule.version, MOST_ROWS)
+    return CertificateDocument.model_validate(found)
+
+
+def _patience(is_gone: Callable[[], Coroutine[Any, Any, bool]]) -> Callable[[int], None]:
+    """Ends a run that makes too much, takes too long, or that nobody waits for any more, with TooLarge."""
     until_s = time.monotonic() + LONGEST_S
+    look_s = 0.0
 
     def watch(count: int) -> None:
+        nonlocal look_s
         if count > MOST_MADE:
             raise TooLarge(f"It makes more than {MOST_MADE} events.", "Choose a shorter span, or skip more.")
         if time.monotonic() > until_s:
             raise TooLarge(f"It takes longer than {LONGEST_S:g} s.", "Choose a shorter span.")
+        if time.monotonic() < look_s:
+            return
+        look_s = time.monotonic() + LOOK_S
+        if from_thread.run(is_gone):
+            raise TooLarge("Whoever asked has gone.", "Wait for the answer.")
 
     return watch
-
-
-def _psycopg(connection: Connection) -> psycopg.Connection:
-    """The driver's connection, in the same transaction."""
-    driver: psycopg.Connection = connection.connection.driver_connection  # type: ignore[assignment]
-    return driver
-
-
-def _document(event: Event) -> DryEventDocument:
-    track = instance = None
-    if event.track_id is not None:
-        track = EventTrack(id=event.track_id, name=event.track_name or "")
-    if event.instance_id is not None:
-        instance = EventInstance(id=event.instance_id, name=event.instance_name or "")
-    return DryEventDocument(
-        event_id=str(event.event_id),
-        type=event.type,
-        stamp=event.stamp,
-        since=event.since,
-        track=track,
-        instance=instance,
-        key=dict(event.key),
-        measures=dict(event.measures),
-        confidence=event.confidence,
-        evidence=[EvidenceDocument.model_validate(each) for each in event.evidence],
-    )

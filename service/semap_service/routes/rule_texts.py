@@ -1,4 +1,4 @@
-"""/maps/{name}/rules/check, /rules/{id}/text, /rule-templates: rules as the texts that people write"""
+"""/maps/{name}/rules/check, /rules/{id}/text: rules as the texts that people write"""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from sqlalchemy import Connection
 
 from semap.errors import Conflict, InvalidInput, NotFound
 from semap.rules.declaration import Declaration as Declared
+from semap.rules.language.described import describe
+from semap.rules.language.drawn import draw
 from semap.rules.language.reading import parse_declaration
+from semap.rules.language.recognised import recognise
 from semap.rules.language.source_text import LONGEST, SourceText, line_and_column, read_source
-from semap.rules.language.template import TEMPLATES, fill
 from semap.rules.language.written import write_rule
 from semap.store.event import rules
 from semap.store.event.rules import Rule, RuleVersion
@@ -21,7 +23,7 @@ from semap.store.map.maps import get_map
 from semap_service.database import rule_edit as rule_editing
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import LARGEST_SMALL_ID, Document, Request, SmallId
-from semap_service.documents.rule import Declaration
+from semap_service.documents.rule import Declaration, RuleLikeness, RulePart
 from semap_service.http.problem import problems
 
 router = APIRouter(tags=["rules"])
@@ -60,21 +62,14 @@ class RuleCheck(Document):
     """The declaration of a text, or its first error."""
 
     name: str | None = Field(description="The name that it gives the rule.", examples=["visits"])
-    declaration: Declaration | None = Field(description="As POST /rules takes it; null where it is wrong.")
+    declaration: Declaration | None = Field(
+        description="As POST /rules takes it; null where it is wrong. Where only its name is taken, it can"
+        " still be run dry."
+    )
+    sentence: str | None = Field(description="What it does, in plain words; null where it is wrong.")
+    diagram: RulePart | None = Field(description="The same as a drawing; null where it is wrong.")
+    like: RuleLikeness | None = Field(description="Which template says it; null where it is wrong.")
     fault: Fault | None = Field(description="null: it could be added as it is.")
-
-
-class RuleTemplate(Document):
-    """A ready rule, to be used as it is or to be edited."""
-
-    name: str = Field(examples=["visits"])
-    sentence: str = Field(description="The meaning of its events.")
-    text: str = Field(description="YAML, with the default values of the parameters.")
-    parameters: dict[str, str] = Field(description="What each of its parameters means.")
-
-
-class RuleTemplateList(Document):
-    templates: list[RuleTemplate] = Field(description="All there are.")
 
 
 @router.post("/maps/{name}/rules/check", operation_id="check_rule", responses=problems(404))
@@ -94,8 +89,9 @@ def check_rule(database: Database, name: str, written: RuleText) -> RuleCheck:
         except InvalidInput as error:
             return _faulty(error if source is None else source.placed(error), declared)
         except Conflict as error:
-            return _faulty(InvalidInput(str(error), error.remedy), declared)
-    return RuleCheck(name=declared.name, declaration=dict(declared.document), fault=None)
+            faulty = _faulty(InvalidInput(str(error), error.remedy), declared)
+            return faulty if declared is None else _said(declared, faulty.fault)
+    return _said(declared, None)
 
 
 @router.get(
@@ -121,22 +117,6 @@ def get_rule_text(
     return Response(write_rule(name, declaration), media_type=YAML)
 
 
-@router.get("/rule-templates", operation_id="list_rule_templates", responses=problems())
-def list_rule_templates() -> RuleTemplateList:
-    """Ready rules for what is often asked."""
-    return RuleTemplateList(
-        templates=[
-            RuleTemplate(
-                name=each.name,
-                sentence=each.sentence,
-                text=fill(each.name),
-                parameters={parameter.name: parameter.meaning for parameter in each.parameters},
-            )
-            for each in TEMPLATES.values()
-        ]
-    )
-
-
 def _rule_of(connection: Connection, map_name: str, rule_id: int) -> Rule:
     rule = rules.get_rule(connection, rule_id)
     if rule.map != map_name:
@@ -144,11 +124,30 @@ def _rule_of(connection: Connection, map_name: str, rule_id: int) -> Rule:
     return rule
 
 
+def _said(declared: Declared, fault: Fault | None) -> RuleCheck:
+    """What a rule that can be read says, whatever other rules say against it."""
+    return RuleCheck(
+        name=declared.name,
+        declaration=dict(declared.document),
+        sentence=describe(declared),
+        diagram=RulePart.model_validate(draw(declared)),
+        like=RuleLikeness.model_validate(recognise(declared)),
+        fault=fault,
+    )
+
+
 def _faulty(error: InvalidInput, declared: Declared | None) -> RuleCheck:
     line, column = line_and_column(error) or (None, None)
     message = str(error).removeprefix(f"{error.where}: ")
     fault = Fault(message=message, remedy=error.remedy, where=error.where, line=line, column=column)
-    return RuleCheck(name=None if declared is None else declared.name, declaration=None, fault=fault)
+    return RuleCheck(
+        name=None if declared is None else declared.name,
+        declaration=None,
+        sentence=None,
+        diagram=None,
+        like=None,
+        fault=fault,
+    )
 
 
 def _declared_once(versions: Sequence[RuleVersion], version: int) -> tuple[str, Mapping[str, object]]:

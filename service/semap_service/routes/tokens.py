@@ -1,4 +1,4 @@
-"""/tokens: who may call the service"""
+"""/tokens: who may call the service; /caller: what the one who asks may do"""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from starlette.requests import Request as HTTPRequest
 
 from semap.store.operate import tokens
 from semap.store.operate.tokens import LONGEST_NAME, MOST_MAPS
-from semap_service.context.caller import Scope, current_caller
+from semap_service.context.caller import SCOPES, Scope, current_caller
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.document import (
     LARGEST_SMALL_ID,
@@ -69,6 +69,25 @@ class NewToken(Request):
         None, description="The only maps that there are for it. [default: all]"
     )
     expires_at: InStamp | None = Field(None, description="[default: never]")
+
+
+class CallerDocument(Document):
+    """Who asks, and what its token allows."""
+
+    name: str = Field(description="Of the token; `anyone` where the service asks for none.")
+    scopes: list[Scope] = Field(description="With all that they include.")
+    maps: list[str] | None = Field(description="The only maps that there are for it; null: all.")
+
+
+@router.get("/caller", operation_id="get_caller", responses=problems())
+def get_caller() -> CallerDocument:
+    """Who you are to the service: what you may not do needs not be tried."""
+    caller = current_caller()
+    return CallerDocument(
+        name=caller.name,
+        scopes=[each for each in SCOPES if caller.may(each)],
+        maps=None if caller.maps is None else sorted(caller.maps),
+    )
 
 
 @router.get("/tokens", operation_id="list_tokens", responses=problems())

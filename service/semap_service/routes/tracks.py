@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -9,6 +10,7 @@ from fastapi import APIRouter, Query
 from pydantic import Field, model_validator
 from sqlalchemy import Connection
 
+from semap.errors import InvalidInput
 from semap.store.map.maps import get_map
 from semap.store.motion import track_history, tracks
 from semap.timeline.stamp import EARLIEST, LATEST, MICROSECOND
@@ -27,12 +29,15 @@ from semap_service.documents.document import (
     Request,
     Stamp,
     next_after,
+    require_order,
     stored,
 )
 from semap_service.http.etag import TaggedRoute, edits, reads
+from semap_service.http.problem import problems
 
 router = APIRouter(tags=["tracks"], route_class=TaggedRoute)
 
+LONGEST_PATH = timedelta(days=7)
 BEFORE_ALL = EARLIEST - MICROSECOND
 
 STD = Field(description="Standard deviation [m], along the longer axis of its error ellipse; null: unknown.")
@@ -112,6 +117,18 @@ class TrackHistory(Document):
     next: Stamp | None = Field(description="`after` of the next page; null where this is the last one.")
 
 
+class TrackPath(Document):
+    """The way that a track went."""
+
+    track_id: int
+    name: str
+    parts: list[list[list[float]]] = Field(
+        description="x [m], y [m] and time [s, from `from` on] of the points of each line, in their order."
+        " It was not seen for more than half a minute between two of them.",
+        examples=[[[[1.0, 2.0, 0.0], [4.0, 2.0, 3.5]]]],
+    )
+
+
 class TrackList(Document):
     tracks: list[TrackDocument] = Field(description="In the order of their ids.")
     next: Next
@@ -122,6 +139,9 @@ def list_tracks(
     database: Database,
     map_name: MapFilter = None,
     name: Annotated[Name | None, Query(description="Only tracks of this name.")] = None,
+    name_part: Annotated[
+        Name | None, Query(description="Only tracks whose name has this part, in small or large letters.")
+    ] = None,
     live: Annotated[bool | None, Query(description="Only those that are live, or that are not.")] = None,
     limit: Limit = 100,
     after: After = 0,
@@ -131,7 +151,13 @@ def list_tracks(
         if map_name is not None:
             get_map(connection, map_name)
         found = tracks.list_tracks(
-            connection, map_name=map_name, name=name, live=live, after=after, limit=limit
+            connection,
+            map_name=map_name,
+            name=name,
+            name_part=name_part,
+            live=live,
+            after=after,
+            limit=limit,
         )
     return TrackList(
         tracks=[TrackDocument.model_validate(each) for each in found],
@@ -184,6 +210,28 @@ def get_track_history(
         states=[PastStateDocument.model_validate(each) for each in found],
         next=found[-1].stamp if len(found) == limit else None,
     )
+
+
+@router.get("/tracks/{id}/path", operation_id="get_track_path", responses=problems(404))
+def get_track_path(
+    database: Database,
+    id: Id,  # noqa: A002
+    start: Annotated[InStamp, Query(alias="from", description="The earlier moment (RFC 3339).")],
+    end: Annotated[
+        InStamp, Query(alias="to", description="The later moment, included, at most a week after it.")
+    ],
+    tolerance_m: Annotated[
+        float, Query(gt=0, le=10, description="How far from its positions the way may lie [m].")
+    ] = 0.1,
+) -> TrackPath:
+    """The way that this track went, as lines with as few points as do."""
+    require_order(start, end)
+    if end - start > LONGEST_PATH:
+        raise InvalidInput("it is more than a week after `from`", "Ask for less at a time.", "to")
+    with transaction(database) as connection:
+        track = tracks.get_track(connection, id)
+        parts = track_history.path(connection, id, start, end, tolerance_m=tolerance_m)
+    return TrackPath(track_id=track.track_id, name=track.name, parts=parts)
 
 
 def _read(connection: Connection, track_id: int) -> TrackDocument:

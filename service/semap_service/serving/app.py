@@ -73,9 +73,11 @@ from semap_service.routes import (
     rooms,
     route,
     rule_runs,
+    rule_templates,
     rule_texts,
     rules,
     sources,
+    states,
     tokens,
     track_amendments,
     tracks,
@@ -87,6 +89,8 @@ from semap_service.webhooks.delivery import WEBHOOKS, Deliverer, WebhookSettings
 
 ROLE = "semap_api"
 CONNECTIONS = 20
+STATES_ROLE = "semap_ingest"
+STATES_CONNECTIONS = 10
 HEARTBEAT_S = 15.0
 TICK_S = 1.0
 SWAGGER = "/docs/files"
@@ -129,12 +133,14 @@ RESOURCES = (
     tracks,
     track_amendments,
     sources,
+    states,
     relations,
     object_states,
     events,
     event_stream,
     queries,
     rule_runs,
+    rule_templates,
     rule_texts,
     rules,
     concepts,
@@ -167,6 +173,7 @@ def create_app(
         engine = open_engine(dsn, ROLE, application="semap serve", size=CONNECTIONS)
         app.state.engine = token_cache.engine = engine
         app.state.token_cache = token_cache
+        app.state.states = open_engine(dsn, STATES_ROLE, application="semap states", size=STATES_CONNECTIONS)
         app.state.watch = open_engine(dsn, ROLE, application="semap watch", size=1)
         app.state.metrics = Metrics(instruments, app.state.watch, engine)
         app.state.pace = Pace(heartbeat_s)
@@ -192,8 +199,8 @@ def create_app(
                 task.cancel()
                 with suppress(asyncio.CancelledError):
                     await task
-            app.state.watch.dispose()
-            engine.dispose()
+            for each in (app.state.watch, app.state.states, engine):
+                each.dispose()
 
     instruments = Instruments()
     token_cache = TokenCache()

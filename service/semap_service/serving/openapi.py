@@ -12,6 +12,7 @@ from fastapi.openapi.utils import get_openapi
 
 from semap_service.access.openapi_security import describe_access
 from semap_service.documents.problem import Problem
+from semap_service.documents.state import NewStates
 
 JSON = "application/json"
 FRAMEWORK_ERRORS = ("HTTPValidationError", "ValidationError")
@@ -34,9 +35,10 @@ def describer(app: FastAPI) -> Callable[[], dict[str, Any]]:
             schemas = described["components"]["schemas"]
             for name in FRAMEWORK_ERRORS:
                 schemas.pop(name, None)
-            problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-            schemas.update(problem.pop("$defs"))
-            schemas["Problem"] = problem
+            for model in (Problem, NewStates):
+                schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+                schemas.update(schema.pop("$defs"))
+                schemas[model.__name__] = schema
             describe_access(described)
             app.openapi_schema = described
         return app.openapi_schema

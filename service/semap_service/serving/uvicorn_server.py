@@ -9,7 +9,7 @@ import uvicorn
 
 from semap_service.http.connection import HttpConnection, WebSocketConnection
 
-FROM_CLIENT_BYTES = 64 * 1024
+FROM_CLIENT_BYTES = 1024**2
 
 OPTIONS: dict[str, Any] = {
     "http": HttpConnection,

@@ -20,12 +20,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-import psycopg
 from sqlalchemy import Connection, Engine
 
-from semap.errors import InvalidInput, SemapError
+from semap.errors import InvalidInput, SemapError, ServerUnavailable
 from semap.store.database.backoff import Reminder
-from semap.store.database.connection import connect, open_engine, translated
+from semap.store.database.connection import is_open, open_engine, own_session
 from semap.store.database.event_number import newest_event
 from semap.store.event.events import StoredEvent, Stretch, read_stretch
 from semap.store.event.webhook_delivery import (
@@ -41,6 +40,7 @@ from semap.store.event.webhook_delivery import (
     note_resent,
     pass_over,
     read_line,
+    take_turn,
 )
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.event_selection import Selection
@@ -54,7 +54,6 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-LOCK = 7371
 ROLE = "semap_admin"
 PAGE = 100
 WORTH_NOTING = 1000
@@ -101,7 +100,7 @@ class Deliverer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._changed = asyncio.Event()
         self._resting: dict[int, asyncio.Event] = {}
-        self._turn: psycopg.Connection | None = None
+        self._turn: Connection | None = None
 
     def wake_soon(self) -> None:
         """Look at what was changed; called from any thread."""
@@ -161,16 +160,13 @@ class Deliverer:
     def _ask_turn(self) -> bool:
         """Whether nobody else delivers. The lock is held as long as its connection lasts."""
         if self._turn is None:
-            self._turn = connect(self._dsn, ROLE, application="semap webhooks")
-        with translated():
-            found = self._turn.execute("select pg_try_advisory_lock(%s, 0)", [LOCK]).fetchone()
-        return found == (True,)
+            self._turn = own_session(self._dsn, ROLE, application="semap webhooks")
+        return take_turn(self._turn)
 
     def _keep_turn(self) -> None:
         """raises  ServerUnavailable where the connection, and so the lock, is lost"""
-        with translated():
-            if self._turn is not None:
-                self._turn.execute("select 1")
+        if self._turn is not None and not is_open(self._turn):
+            raise ServerUnavailable("The connection that holds the turn to deliver was lost.")
 
     def _give_turn_up(self) -> None:
         if self._turn is not None:

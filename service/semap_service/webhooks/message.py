@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from uuid import uuid4
 
+from semap.store.event.cloud_event import cloud_event
 from semap.store.event.events import StoredEvent
-from semap_service.documents.cloud_event import cloud_event
 
 PING = "org.semap.ping"
 

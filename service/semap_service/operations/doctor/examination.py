@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import psycopg
+from sqlalchemy import Connection
 
 from semap.cluster import Cluster, default_home
 from semap.errors import SemapError
-from semap.store.database.connection import connect, translated
-from semap_service.operations.doctor.content_checks import CONTENT_CHECKS
-from semap_service.operations.doctor.finding import DatabaseCheck, Finding, Level, MachineCheck, Trouble
-from semap_service.operations.doctor.flow_checks import FLOW_CHECKS
+from semap.store.database.connection import driver_of, own_session, translated
+from semap.store.operate.doctor.content_checks import CONTENT_CHECKS
+from semap.store.operate.doctor.finding import DatabaseCheck, Finding, Level, MachineCheck, Trouble
+from semap.store.operate.doctor.flow_checks import FLOW_CHECKS
+from semap.store.operate.doctor.server_checks import SERVER_CHECKS
 from semap_service.operations.doctor.machine_checks import MACHINE_CHECKS
-from semap_service.operations.doctor.server_checks import SERVER_CHECKS
 from semap_service.operations.redaction import redacted
 
 DATABASE_CHECKS = (*SERVER_CHECKS, *FLOW_CHECKS, *CONTENT_CHECKS)
@@ -44,13 +44,12 @@ def examine_database(dsn: str | None) -> Iterator[Finding]:
             return
         dsn = cluster.dsn("semap")
     try:
-        connection = connect(dsn, application="semap doctor")
+        connection = own_session(dsn, application="semap doctor", statement_s=STATEMENT_S)
     except SemapError as error:
         yield Finding("database", Level.WRONG, redacted(str(error)), error.remedy or NO_DSN)
         return
     with connection:
-        yield Finding("database", Level.OK, f"{connection.info.dbname} answers at {_place(connection)}")
-        connection.execute(f"set statement_timeout = '{STATEMENT_S}s'")
+        yield Finding("database", Level.OK, _place(connection))
         for check in DATABASE_CHECKS:
             found = list(examine(check, connection))
             yield from found
@@ -58,7 +57,7 @@ def examine_database(dsn: str | None) -> Iterator[Finding]:
                 return  # all others read that schema
 
 
-def examine(check: DatabaseCheck, connection: psycopg.Connection) -> Iterator[Finding]:
+def examine(check: DatabaseCheck, connection: Connection) -> Iterator[Finding]:
     """What one check finds."""
     try:
         with translated():
@@ -86,7 +85,7 @@ def _impossible(check: DatabaseCheck | MachineCheck, error: Exception, remedy: s
     return Finding(check.name, Level.WARN, redacted(f"could not be looked at: {error}"), remedy)
 
 
-def _place(connection: psycopg.Connection) -> str:
-    version = connection.info.server_version
-    where = connection.info.host or "the local socket"
-    return f"{where}, PostgreSQL {version // 10_000}.{version % 10_000}"
+def _place(connection: Connection) -> str:
+    info = driver_of(connection).info
+    version = f"PostgreSQL {info.server_version // 10_000}.{info.server_version % 10_000}"
+    return f"{info.dbname} answers at {info.host or 'the local socket'}, {version}"

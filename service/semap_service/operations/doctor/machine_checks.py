@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from semap.cluster import default_home
+from semap.store.operate.doctor.finding import MachineCheck, Trouble, mebibytes, warn, wrong
 from semap_service.http.page import FILES, INDEX
-from semap_service.operations.doctor.finding import MachineCheck, Trouble, mebibytes, warn, wrong
 
 TIGHT_BYTES = 5 * 1024**3
 FULL_BYTES = 1024**3
