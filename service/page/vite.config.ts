@@ -13,15 +13,11 @@ const WORTH_BYTES = 1000;
 
 /** Writes each file compressed as well, so that the service need not compress it for each browser. */
 function compressed(): Plugin {
-  let folder = "";
   return {
     name: "compressed",
     apply: "build",
-    configResolved: ({ root, build }) => {
-      folder = join(root, build.outDir);
-    },
-    closeBundle: () => {
-      for (const each of readdirSync(folder, { recursive: true, withFileTypes: true })) {
+    writeBundle: ({ dir }) => {
+      for (const each of readdirSync(dir!, { recursive: true, withFileTypes: true })) {
         const file = join(each.parentPath, each.name);
         if (!each.isFile() || !/\.(js|css|html|svg)$/.test(each.name)) continue;
         const bytes = readFileSync(file);

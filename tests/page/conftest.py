@@ -11,7 +11,7 @@ from server import fresh_database
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.schema import ensure_slot
+from semap.store.operate.rule_slot import ensure_slot
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]

@@ -19,6 +19,7 @@ from uuid import NAMESPACE_URL, uuid4, uuid5
 import httpx
 import psycopg
 from patience import PATIENCE_S, moment
+from psycopg.types.json import Jsonb
 from semap_service import demo
 
 from semap.store.database.connection import connect
@@ -89,6 +90,11 @@ class Office:
         assert made.status_code == 201, made.text
         return cls(url, name, connect(dsn))
 
+    @classmethod
+    def at(cls, served: Served, name: str) -> Office:
+        """A map that is there already."""
+        return cls(served.url, name, connect(served.dsn))
+
     @property
     def page(self) -> str:
         return f"{self.url}/#map={self.name}"
@@ -129,21 +135,38 @@ class Office:
         )
         return stamp
 
-    def happen(self, kind: str, track_id: int, room: str, after_s: float) -> datetime:
+    def leave(self, track_id: int, x_m: float, y_m: float, after_s: float) -> None:
+        """A track is seen for the last time."""
+        self.plain.execute(
+            "insert into semap.track_state (track_id, stamp, x_m, y_m, is_last) values (%s, %s, %s, %s, true)",
+            [track_id, self.now + timedelta(seconds=after_s), x_m, y_m],
+        )
+
+    def happen(
+        self,
+        kind: str,
+        track_id: int,
+        room: str,
+        after_s: float,
+        key: dict[str, Any] | None = None,
+        measures: dict[str, Any] | None = None,
+    ) -> datetime:
         """An event, committed with its notification as the rule worker does."""
         stamp = self.now + timedelta(seconds=after_s)
         self._one(
             "with next as (select coalesce(max(seq), 0) + 1 as seq from semap.event),"
             " made as (insert into semap.event (seq, event_id, map_id, rule_name, rule_version, type, stamp, cause,"
-            " track_id, track_name, instance_id, instance_name, since)"
+            " track_id, track_name, instance_id, instance_name, since, key, measures)"
             " select seq, %s, m.map_id, 'room_visits', 1, %s, %s, 'moved', t.track_id, t.name, i.instance_id, i.name,"
-            " %s from next, semap.map m join semap.track t using (map_id) join semap.instance i using (map_id)"
+            " %s, %s, %s from next, semap.map m join semap.track t using (map_id) join semap.instance i using (map_id)"
             " where m.name = %s and t.track_id = %s and i.name = %s returning seq)"
             " select pg_notify('semap_event', '')::text from made",
             uuid4(),
             kind,
             stamp,
             stamp,
+            Jsonb(key or {}),
+            Jsonb(measures or {}),
             self.name,
             track_id,
             room,

@@ -35,7 +35,7 @@ def token(dsn: str, name: str, *options: str) -> str:
 
 
 def sign_in(page: Page, secret: str) -> None:
-    page.get_by_label("Token").fill(secret)
+    page.get_by_role("dialog").get_by_label("Token").fill(secret)
     page.get_by_role("dialog").get_by_role("button", name="Sign in").click()
 
 
@@ -60,6 +60,33 @@ def test_sign_in(page: Page, guarded: Served, office: Office, fails_requests: No
     assert change["author"].endswith("(editor)"), "the history names the token"
     expect(page.get_by_role("button", name="Undo: make the Door Door 1")).to_be_enabled()
     assert secret not in page.url
+
+
+def test_what_a_token_may_not_do_is_shown_as_not_allowed(
+    page: Page, guarded: Served, office: Office, fails_requests: None
+) -> None:
+    page.goto(f"{guarded.url}/#map={office.name}")
+    sign_in(page, token(guarded.dsn, "looker", "--scope", "read"))
+    page.wait_for_selector("#status[data-state=live]")
+    for tab, button in (("edit", "Draw a room"), ("queries", "Add"), ("import", "Choose files…")):
+        page.locator(f"#tab-{tab}").click()
+        panel = page.locator(f"#panel-{tab}")
+        if tab == "queries":
+            panel.get_by_text("Add a query").click()
+        expect(panel.get_by_role("note")).to_contain_text(
+            "not allowed with the token looker: sign in with one that has the scope write."
+        )
+        expect(panel.get_by_role("button", name=button, exact=True)).to_be_disabled()
+    page.locator("#sign-in").click()
+    sign_in(page, token(guarded.dsn, "keeper", "--scope", "write", "--map", office.name))
+    expect(page.locator("#panel-import").get_by_role("note")).to_contain_text(
+        "sign in with one for all maps."
+    )
+    page.get_by_label("A building goes into").select_option("shown")
+    expect(page.get_by_role("button", name="Choose files…")).to_be_enabled()
+    page.locator("#tab-edit").click()
+    expect(page.get_by_role("button", name="Draw a room")).to_be_enabled()
+    expect(page.locator("#panel-edit").get_by_role("note")).to_have_count(0)
 
 
 def test_a_token_that_may_only_read_says_so(

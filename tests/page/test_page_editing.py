@@ -34,10 +34,10 @@ def test_draw_a_room_and_take_it_back(plan: Plan, office: Office) -> None:
     expect(undo).to_be_enabled()
     page.locator("#stage").focus()
     page.keyboard.press("Control+z")
-    expect(page.get_by_text("Done: undo: make the Room booth.")).to_be_visible()
+    expect(page.get_by_text("Undone: make the Room booth.")).to_be_visible()
     assert office.names() == before
     page.keyboard.press("Control+Shift+z")
-    expect(page.get_by_text("Done: again: make the Room booth.")).to_be_visible()
+    expect(page.get_by_text("Done again: make the Room booth.")).to_be_visible()
     assert office.names() == before | {"booth"}
     changes = office.get(f"/maps/{office.name}/changes")["changes"]
     assert [each["undoes"] for each in changes[:3]] == [changes[1]["id"], changes[2]["id"], None]
@@ -65,7 +65,7 @@ def test_what_is_taken_away_is_not_read_meanwhile(plan: Plan, office: Office, wa
         else:
             form.get_by_role("button", name="Delete").click()
             page.get_by_role("dialog").get_by_role("button", name="Delete").click()
-    said = "Done: undo: make the Room Room 1." if way == "undo" else "Room 1 is deleted."
+    said = "Undone: make the Room Room 1." if way == "undo" else "Room 1 is deleted."
     expect(page.get_by_text(said)).to_be_visible()
     assert "Room 1" not in office.names()
 

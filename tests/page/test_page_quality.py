@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import gzip
-from pathlib import Path
-from typing import Any
 
 import pytest
+from measured import AXE, violations
 from playwright.sync_api import Page, expect
 from semap_service.http.page import FILES
 from served import Office, Served
 
-AXE = Path(__file__).parents[2] / "service" / "page" / "node_modules" / "axe-core" / "axe.min.js"
-HEAVIEST_BYTES = 1_000_000
+HEAVIEST_BYTES = 300_000
 FIRST_PICTURE_S = 2.0
-SEVERE = ("serious", "critical")
 FIRST_PICTURE = """() => new Promise((resolve) => {
     const told = (found) => resolve(found.getEntries().at(-1).startTime);
     new PerformanceObserver(told).observe({type: "largest-contentful-paint", buffered: true});
@@ -54,7 +51,9 @@ def test_the_first_picture_comes_soon(page: Page, served: Served, office: Office
 
 @pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_everybody_can_use_it(page: Page, office: Office, theme: str) -> None:
+@pytest.mark.parametrize("size", [(1280, 800), (820, 1180), (390, 844)])
+def test_everybody_can_use_it(page: Page, office: Office, theme: str, size: tuple[int, int]) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
     page.emulate_media(color_scheme="dark" if theme == "dark" else "light")
     ann = office.track("ann")
     office.see(ann, 3, 2, after_s=-2)
@@ -85,13 +84,3 @@ def test_everybody_can_use_it(page: Page, office: Office, theme: str) -> None:
     expect(page.locator("#status")).to_have_attribute("data-state", "past")
     found["past"] = violations(page)
     assert found == {state: [] for state in found}
-
-
-def violations(page: Page) -> list[str]:
-    """Serious and critical ones: the rule, and the first element that breaks it."""
-    result: dict[str, Any] = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
-    return [
-        f"{each['id']}: {each['nodes'][0]['html'][:120]}"
-        for each in result["violations"]
-        if each["impact"] in SEVERE
-    ]

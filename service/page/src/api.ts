@@ -61,7 +61,7 @@ export class Api {
     const response = await this.fetch(method, path, options);
     const type = response.headers.get("content-type") ?? "";
     const isJson = response.status !== 204 && type.includes("json");
-    const body = (isJson ? await response.json() : await response.text()) as T;
+    const body = (await whole(isJson ? response.json() : response.text(), path, options.signal)) as T;
     return {
       status: response.status,
       body,
@@ -75,7 +75,8 @@ export class Api {
   }
 
   async bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
-    return (await this.fetch("GET", path, signal ? { signal } : {})).arrayBuffer();
+    const response = await this.fetch("GET", path, signal ? { signal } : {});
+    return whole(response.arrayBuffer(), path, signal);
   }
 
   /** The response as it comes, for streams; raises ApiError like `send`. */
@@ -139,6 +140,16 @@ export async function allPages<T, K extends string>(
     after = page.next;
   } while (after !== null);
   return found;
+}
+
+/** The body of an answer; one that was cut off is no answer. */
+async function whole<T>(body: Promise<T>, path: string, signal: AbortSignal | undefined): Promise<T> {
+  try {
+    return await body;
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    throw new ApiError(unanswered(path));
+  }
 }
 
 async function problemOf(response: Response, path: string): Promise<Problem> {

@@ -1,22 +1,25 @@
 import "./style/theme.css";
 import "./style/layout.css";
 import "./style/parts.css";
+import "./style/small.css";
 
 import { effect } from "@preact/signals";
 import { render } from "preact";
 
 import { Api } from "./api";
 import type { App } from "./app";
-import { startAddress } from "./chrome/address";
+import { Address, wantedMap } from "./chrome/address";
 import { Dialogs } from "./chrome/dialogs";
-import { Head, isSideOpen, isSignInOpen } from "./chrome/head";
+import { Head, isSignInOpen } from "./chrome/head";
 import { startKeys } from "./chrome/keys";
+import { startNotifying } from "./chrome/notifying";
 import { announce, Notices } from "./chrome/notices";
 import { NoGraphics, StageChrome } from "./chrome/stage_chrome";
+import { startPulling, startSide } from "./chrome/side";
 import { startTellingEvents } from "./chrome/telling";
 import { Tabs } from "./chrome/tabs";
 import { startTheme, theme } from "./chrome/theme";
-import { mount as mountEvents } from "./details/events";
+import { mount as mountEvents } from "./events/mount";
 import { mount as mountDetails } from "./details/mount";
 import { mount as mountEdit } from "./edit/mount";
 import { mount as mountImport } from "./importing/mount";
@@ -26,6 +29,7 @@ import { Stage } from "./scene/stage";
 import { Showing } from "./showing";
 import { State } from "./state";
 import { Timeline } from "./timeline/timeline";
+import { askAgain } from "./unanswered";
 
 function start(): void {
   startTheme();
@@ -59,11 +63,14 @@ function start(): void {
   };
   const signedIn = async (): Promise<void> => {
     state.unauthorised.value = null;
-    await showing.reloadMaps(startAddress.wanted());
-    if (state.unauthorised.value === null) isSignInOpen.value = false;
+    await showing.reloadMaps(wantedMap());
+    if (state.unauthorised.value !== null) return;
+    isSignInOpen.value = false;
+    askAgain();
   };
 
-  render(<Head app={app} showing={showing} />, part("head"));
+  const address = new Address(app, showing, stage);
+  render(<Head app={app} showing={showing} copyLink={() => void address.copy()} />, part("head"));
   render(<Tabs state={state} />, part("tabs"));
   render(<StageChrome app={app} showing={showing} stage={stage} />, part("stage-chrome"));
   render(<Dialogs app={app} signedIn={() => void signedIn()} />, part("dialogs"));
@@ -76,18 +83,18 @@ function start(): void {
   mountQueries(part("panel-queries"), app);
   mountImport(part("panel-import"), app);
 
-  effect(() => {
-    document.body.classList.toggle("side-closed", !isSideOpen.value);
-  });
+  startSide(state);
+  startPulling(part("tabs"));
   effect(() => {
     void theme.value;
     stage.recolour();
   });
   startKeys(app, showing, stage);
   startTellingEvents(state);
+  startNotifying(app);
   showing.showOn(stage);
-  startAddress(state);
-  void showing.reloadMaps(startAddress.wanted());
+  address.start();
+  void showing.reloadMaps(wantedMap());
 }
 
 start();

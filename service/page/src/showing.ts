@@ -1,38 +1,29 @@
 /** Brings what the service says onto the page: maps, what is now, and moments of the past. */
 
-import { batch, effect, signal } from "@preact/signals";
+import { batch, effect, signal, untracked, type ReadonlySignal } from "@preact/signals";
 
-import type { Delta, EventDocument, MapDocument, Problem, Snapshot } from "./documents";
+import type { CallerDocument, Delta, EventDocument, MapDocument, Snapshot } from "./documents";
 import { ApiError, allPages, path, type Api } from "./api";
 import type { App } from "./app";
 import { Live } from "./live/live";
 import { World } from "./live/world";
 import { readMap } from "./map/read";
+import { MomentReader } from "./moment_reader";
 import { backdropOf } from "./scene/backdrop";
 import type { Stage } from "./scene/stage";
-import type { Span, State } from "./state";
+import type { Connection, Span, State } from "./state";
 import { History } from "./timeline/history";
 import { HistoryReader } from "./timeline/history_reader";
 import { following } from "./timeline/scale";
+import { askAgain, contact, problemOf, UNANSWERED } from "./unanswered";
 
 const MOST_EVENTS = 500;
 const FIRST_SPAN_MS = 600_000;
 const WHOLE_UP_TO_MS = 1_800_000;
-const TRAIL_S = 10;
 const EDITED_AFTER_MS = 150;
 const STEP_MS = 200;
 const BEAT_MS = 250;
 const RETRY_MS = 2000;
-const UNANSWERED: ReadonlySet<number> = new Set([0, 502, 503, 504]);
-const UNREACHED: Problem = {
-  type: "about:blank",
-  title: "Failed",
-  status: 0,
-  detail: "Something on the page went wrong.",
-  instance: "",
-  remedy: "Load the page again.",
-  errors: [],
-};
 
 interface Extent {
   first: string | null;
@@ -58,13 +49,15 @@ export class Showing {
   private stage: Stage | null = null;
   private live: Live | null = null;
   private reading = new AbortController();
-  private ofMoment: AbortController | null = null;
-  private wantedMoment: number | null = null;
+  private readonly moments: MomentReader;
   private readonly reader: HistoryReader;
   private editedTimer = 0;
   private playTimer = 0;
   private retryTimer = 0;
   private beatTimer = 0;
+  private wasLost = false;
+  /** The map that was asked for, and is not there. */
+  private missing: string | null = null;
   /** The newest stamp that was told; the state has it with the next beat. */
   private newest = -Infinity;
 
@@ -72,11 +65,22 @@ export class Showing {
     this.api = api;
     this.state = state;
     this.announce = announce;
+    this.moments = new MomentReader(api, state, {
+      take: (snapshot) => this.takeThen(snapshot),
+      forget: () => {
+        this.then.clear();
+        this.publish();
+      },
+    });
     this.reader = new HistoryReader(api, state, this.history, {
       present: () => this.now.snapshot(),
       told: () => this.told(),
       complain: (error) => this.complain(error),
     });
+  }
+
+  get isHistoryUnread(): ReadonlySignal<boolean> {
+    return this.reader.isUnread;
   }
 
   /** Draws on this stage from now on. */
@@ -90,6 +94,15 @@ export class Showing {
       void this.state.span.value;
       this.reader.readSoon();
     });
+    effect(() => {
+      // Seen from above, the storeys would cover each other.
+      if (this.state.view.value === "plan" && this.state.storey.value === null && this.state.map.value)
+        this.state.storey.value = firstStorey(this.state.map.value);
+    });
+    effect(() => this.followConnection(this.state.connection.value.state));
+    effect(() => {
+      if (contact.value > 0) untracked(() => this.readAgain());
+    });
   }
 
   /** Reads the list of maps, and shows the one named, else the one shown, else the first. */
@@ -99,25 +112,49 @@ export class Showing {
       const isThere = (name: string | null | undefined): boolean => maps.some((each) => each.name === name);
       this.state.problem.value = null;
       this.state.maps.value = maps;
+      void this.readCaller();
       const current = this.state.mapName.value;
-      const next = isThere(show) ? show! : isThere(current) ? current : (maps[0]?.name ?? null);
+      const wanted = show ?? current ?? this.missing;
+      const next = wanted === null ? (maps[0]?.name ?? null) : isThere(wanted) ? wanted : null;
       clearTimeout(this.retryTimer);
+      if (next === null && wanted !== null) return this.miss(wanted);
       if (next !== current || (next !== null && (this.live?.isRefused ?? true))) this.showMap(next);
     } catch (error) {
       this.fail(error);
     }
   }
 
+  /** Where it cannot be read, the service says itself what it does not allow. */
+  private async readCaller(): Promise<void> {
+    this.state.caller.value = await this.api.get<CallerDocument>("/caller").catch(() => null);
+  }
+
+  /** A link may name a map that is not there: another one would be taken for it. */
+  private miss(name: string): void {
+    this.showMap(null);
+    this.missing = name;
+    this.state.problem.value = {
+      type: "about:blank",
+      title: "No such map",
+      status: 404,
+      detail: `There is no map ${name} here.`,
+      remedy:
+        "It may have been deleted or renamed: choose one of the maps above, or see that the link is right.",
+      instance: "",
+      errors: [],
+    };
+  }
+
   /** Shows another map, or none. */
   showMap(name: string | null): void {
+    this.missing = null;
     this.reading.abort();
     this.reader.stop();
     this.reading = new AbortController();
     this.live?.stop();
     this.live = null;
     this.pause();
-    this.ofMoment?.abort();
-    this.ofMoment = this.wantedMoment = null;
+    this.moments.stop();
     this.now.clear();
     this.then.clear();
     this.history.clear();
@@ -131,6 +168,9 @@ export class Showing {
       this.state.at.value = null;
       this.state.newest.value = null;
       this.state.events.value = [];
+      this.state.eventsSince.value = null;
+      this.state.isKnown.value = false;
+      this.state.unread.value = null;
       this.state.occupancy.value = new Map();
       this.state.problem.value = null;
       this.historyVersion.value = this.historyVersion.peek() + 1;
@@ -147,6 +187,7 @@ export class Showing {
       const map = await readMap(this.api, name, signal);
       if (signal.aborted) return;
       batch(() => {
+        this.state.problem.value = null;
         this.state.map.value = map;
         if (!map.storeys.some((each) => each.name === this.state.storey.peek()))
           this.state.storey.value = firstStorey(map);
@@ -160,27 +201,25 @@ export class Showing {
   moveTo(at: number | null): void {
     if (at === null) {
       this.pause();
-      this.ofMoment?.abort();
-      this.ofMoment = null;
-      this.wantedMoment = null;
+      this.moments.stop();
       this.now.settle();
       batch(() => {
         this.state.at.value = null;
         this.follows.value = true;
-        this.state.occupancy.value = this.now.occupancy;
+        this.publish();
         this.followNewest();
       });
       this.stage?.setWorld(this.now);
       return;
     }
-    if (this.state.at.peek() === null) this.then.clear();
     batch(() => {
+      if (this.state.at.peek() === null) this.then.clear();
       this.state.at.value = at;
       this.follows.value = false;
+      this.publish();
     });
     this.stage?.setWorld(this.then);
-    this.wantedMoment = at;
-    void this.readMoment();
+    this.moments.show(at, this.playing.peek() !== null);
   }
 
   play(speed: number): void {
@@ -230,6 +269,7 @@ export class Showing {
         this.api.get<Extent>(path`/maps/${name}/extent`, signal),
       ]);
       if (signal.aborted) return;
+      this.stage?.setWorld(this.now);
       batch(() => {
         this.state.map.value = map;
         this.state.storey.value = firstStorey(map);
@@ -237,7 +277,6 @@ export class Showing {
         this.state.span.value = firstSpan(extent.first, extent.last);
         this.follows.value = true;
       });
-      this.stage?.setWorld(this.now);
       this.live = new Live(this.api, this.state, name, {
         snapshot: (snapshot) => this.takeNow(snapshot, () => this.now.take(snapshot, performance.now())),
         delta: (delta) => this.takeNow(delta, () => this.now.change(delta, performance.now())),
@@ -245,8 +284,7 @@ export class Showing {
         edited: () => this.editedSoon(),
       });
       this.reader.readSoon();
-      if (this.stage)
-        this.stage.setBackdrop(await backdropOf(this.api, name, this.stage.colourOfGrid, signal));
+      void this.readBackdrop(name, signal);
     } catch (error) {
       if (!signal.aborted) this.fail(error);
     }
@@ -267,11 +305,55 @@ export class Showing {
     const stamps = told.tracks.map((each) => Date.parse(each.stamp));
     if (told.stamp !== null) stamps.push(Date.parse(told.stamp));
     this.takeNewest(Math.max(...stamps));
-    if (this.state.isLive.peek()) {
-      if (this.state.occupancy.peek() !== this.now.occupancy) this.state.occupancy.value = this.now.occupancy;
-      this.stage?.draw();
-    }
+    if (this.state.isLive.peek()) this.publish();
     this.told();
+  }
+
+  private takeThen(snapshot: Snapshot): void {
+    this.then.take(snapshot, performance.now());
+    if (this.playing.peek() === null) this.then.settle();
+    this.publish();
+    this.told();
+    if (this.state.connection.peek().state === "disconnected") this.live?.retryNow();
+  }
+
+  /** Says what is known of the moment that is shown. */
+  private publish(): void {
+    const world = this.state.isLive.peek() ? this.now : this.then;
+    batch(() => {
+      this.state.isKnown.value = world.isKnown;
+      this.state.occupancy.value = world.occupancy;
+    });
+    this.stage?.draw();
+  }
+
+  private followConnection(state: Connection["state"]): void {
+    if (state === "disconnected") {
+      this.wasLost = true;
+      this.history.cut(this.newest);
+      this.told();
+    } else if (state === "live" && this.wasLost) {
+      this.wasLost = false;
+      askAgain();
+    }
+  }
+
+  private readAgain(): void {
+    this.moments.readAgain();
+    this.reader.readSoon();
+    const name = this.state.map.peek()?.name;
+    if (this.state.problem.peek() === null || name === undefined) return;
+    void this.reloadMap();
+    void this.readBackdrop(name, this.reading.signal);
+  }
+
+  private async readBackdrop(name: string, signal: AbortSignal): Promise<void> {
+    if (!this.stage) return;
+    try {
+      this.stage.setBackdrop(await backdropOf(this.api, name, this.stage.colourOfGrid, signal));
+    } catch (error) {
+      if (!signal.aborted) this.state.problem.value = problemOf(error);
+    }
   }
 
   private takeEvents(events: readonly EventDocument[]): void {
@@ -323,30 +405,6 @@ export class Showing {
     this.editedTimer = window.setTimeout(() => void this.reloadMap(), EDITED_AFTER_MS);
   }
 
-  /** One request at a time; what was wanted meanwhile is asked for next, and only the newest of it. */
-  private async readMoment(): Promise<void> {
-    const name = this.state.mapName.peek();
-    if (this.ofMoment || this.wantedMoment === null || name === null) return;
-    const reading = (this.ofMoment = new AbortController());
-    const at = this.wantedMoment;
-    this.wantedMoment = null;
-    try {
-      const address = path`/maps/${name}/moment` + `?at=${new Date(at).toISOString()}&trail_s=${TRAIL_S}`;
-      const snapshot = await this.api.get<Snapshot>(address, reading.signal);
-      if (reading.signal.aborted || this.state.at.peek() === null) return;
-      this.then.take(snapshot, performance.now());
-      if (this.playing.peek() === null) this.then.settle();
-      this.state.occupancy.value = this.then.occupancy;
-      this.told();
-      this.stage?.draw();
-    } catch (error) {
-      if (!reading.signal.aborted) this.complain(error);
-    } finally {
-      if (this.ofMoment === reading) this.ofMoment = null;
-      if (!reading.signal.aborted) void this.readMoment();
-    }
-  }
-
   /** Says what failed beside a map that is shown all the same; that there is no connection is shown anyway. */
   private complain(error: unknown): void {
     const { status, detail, remedy } = problemOf(error);
@@ -387,9 +445,4 @@ function firstSpan(first: string | null, last: string | null): Span {
   const length = Math.max(20_000, to - Date.parse(first));
   const shown = length <= WHOLE_UP_TO_MS ? length : FIRST_SPAN_MS;
   return { from: to - shown * 1.03, to: to + shown * 0.12 };
-}
-
-export function problemOf(error: unknown): Problem {
-  if (error instanceof ApiError) return error.problem;
-  return { ...UNREACHED, detail: error instanceof Error ? error.message : UNREACHED.detail };
 }

@@ -2,8 +2,9 @@
 
 import { computed, signal, type ReadonlySignal } from "@preact/signals";
 
-import type { EventDocument, MapDocument, Problem } from "./documents";
-import type { MapModel } from "./map/model";
+import { EVERYTHING, type EventFilter } from "./events/filter";
+import type { CallerDocument, EventDocument, MapDocument, Problem } from "./documents";
+import type { MapModel, Point } from "./map/model";
 
 export type Selection =
   { kind: "instance"; id: number } | { kind: "track"; id: number } | { kind: "event"; event: EventDocument };
@@ -24,6 +25,12 @@ export interface Span {
   to: number;
 }
 
+/** The way that somebody went, as it is drawn on the map; `storey` null: on whichever is shown. */
+export interface Way {
+  trackId: number;
+  lines: readonly { from: Point; to: Point; storey: string | null }[];
+}
+
 export class State {
   /** null until they were read. */
   readonly maps = signal<MapDocument[] | null>(null);
@@ -34,13 +41,22 @@ export class State {
   readonly problem = signal<Problem | null>(null);
   /** The service asks for a token: why, as it said. */
   readonly unauthorised = signal<Problem | null>(null);
+  /** Whose token it is, and what it allows; null until it was read. */
+  readonly caller = signal<CallerDocument | null>(null);
   readonly connection = signal<Connection>({ state: "loading" });
 
   readonly view = signal<View>("plan");
   /** The name of the storey that is shown; null: all. */
   readonly storey = signal<string | null>(null);
   readonly selection = signal<Selection | null>(null);
+  readonly way = signal<Way | null>(null);
+  /** What the list of all that is on the map is narrowed to. */
+  readonly find = signal("");
+  /** What the list of events is narrowed to. */
+  readonly eventFilter = signal<EventFilter>(EVERYTHING);
   readonly tab = signal<Tab>("events");
+  /** The name of the rule that the panel for rules shall open; null: none. */
+  readonly wantedRule = signal<string | null>(null);
 
   /** The moment that is shown, in milliseconds since 1970; null: what is now. */
   readonly at = signal<number | null>(null);
@@ -50,8 +66,15 @@ export class State {
   /** The newest stamp that was told, in milliseconds since 1970: where event time has come to. */
   readonly newest = signal<number | null>(null);
 
+  /** Whether it is known how it was at the moment that is shown; what is not known is grey. */
+  readonly isKnown = signal(false);
+  /** Why it is not known; null: it is being read. */
+  readonly unread = signal<Problem | null>(null);
+
   /** How many are in each room, by the instance's id, at the moment that is shown. */
   readonly occupancy = signal<ReadonlyMap<number, number>>(new Map());
   /** The newest events of the map, newest first. */
   readonly events = signal<readonly EventDocument[]>([]);
+  /** The number of the newest event as the map was opened; null until that is known. */
+  readonly eventsSince = signal<number | null>(null);
 }

@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { App } from "../app";
+import { Tour, tourAt } from "../welcome/tour";
 import { isHelpOpen, isSignInOpen } from "./head";
 import { KEYS } from "./keys";
 
@@ -16,6 +17,7 @@ export function Dialogs({ app, signedIn }: { app: App; signedIn: () => void }) {
       <Dialog isOpen={isSignInOpen.value} close={() => (isSignInOpen.value = false)} title="Sign in" hasField>
         <SignIn app={app} signedIn={signedIn} />
       </Dialog>
+      <Tour app={app} />
     </>
   );
 }
@@ -75,6 +77,14 @@ function Help() {
         The API behind this page: <a href="/docs">/docs</a>, <a href="/openapi.json">/openapi.json</a>.
       </p>
       <footer>
+        <button
+          onClick={() => {
+            isHelpOpen.value = false;
+            tourAt.value = 0;
+          }}
+        >
+          Take the tour
+        </button>
         <button class="primary" onClick={() => (isHelpOpen.value = false)}>
           Close
         </button>

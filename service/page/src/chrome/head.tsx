@@ -1,18 +1,30 @@
 /** The head of the page: which map and storey, plan or space, how the page stands with the service. */
 
 import { signal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
 
 import type { App } from "../app";
+import type { World } from "../live/world";
+import type { MapModel } from "../map/model";
 import type { Showing } from "../showing";
-import { momentText } from "../timeline/scale";
+import type { State } from "../state";
+import { agoText, clockText, dateText, momentText } from "../timeline/clock";
 import { Icon } from "./icons";
+import { isSheet, isSideOpen } from "./side";
 import { theme, toggleTheme } from "./theme";
 
-export const isSideOpen = signal(true);
+const FRESH_MS = 60_000;
+
 export const isHelpOpen = signal(false);
 export const isSignInOpen = signal(false);
 
-export function Head({ app, showing }: { app: App; showing: Showing }) {
+interface HeadProps {
+  app: App;
+  showing: Showing;
+  copyLink(): void;
+}
+
+export function Head({ app, showing, copyLink }: HeadProps) {
   const { state } = app;
   const maps = state.maps.value ?? [];
   const storeys = state.map.value?.storeys ?? [];
@@ -20,15 +32,16 @@ export function Head({ app, showing }: { app: App; showing: Showing }) {
     <>
       <h1 class="brand">
         <img src="/page/icon.svg" width="26" height="26" alt="" />
-        semap
+        <span>semap</span>
       </h1>
       {maps.length > 0 && (
         <select
           id="map-choice"
           aria-label="Map"
           value={state.mapName.value ?? ""}
-          onChange={(event) => showing.showMap(event.currentTarget.value)}
+          onChange={(event) => event.currentTarget.value && showing.showMap(event.currentTarget.value)}
         >
+          {state.mapName.value === null && <option value="">choose a map</option>}
           {maps.map(({ name }) => (
             <option key={name} value={name}>
               {name}
@@ -36,21 +49,7 @@ export function Head({ app, showing }: { app: App; showing: Showing }) {
           ))}
         </select>
       )}
-      {storeys.length > 1 && (
-        <select
-          id="storey-choice"
-          aria-label="Storey"
-          value={state.storey.value ?? ""}
-          onChange={(event) => (state.storey.value = event.currentTarget.value || null)}
-        >
-          <option value="">all storeys</option>
-          {storeys.toReversed().map(({ name }) => (
-            <option key={name} value={name}>
-              {name}
-            </option>
-          ))}
-        </select>
-      )}
+      {storeys.length > 1 && <StoreyChoice state={state} showing={showing} />}
       <div class="segmented" role="group" aria-label="View">
         <button
           id="view-plan"
@@ -68,7 +67,18 @@ export function Head({ app, showing }: { app: App; showing: Showing }) {
         </button>
       </div>
       <span class="grow" />
-      <Status app={app} />
+      <span class="status-place">
+        <Status app={app} />
+      </span>
+      <button
+        class="icon plain"
+        aria-label="Copy a link to what is shown"
+        title="Copy a link to what is shown"
+        disabled={state.map.value === null}
+        onClick={copyLink}
+      >
+        <Icon name="link" />
+      </button>
       <button
         class="icon plain"
         aria-label={theme.value === "dark" ? "Light colours" : "Dark colours"}
@@ -90,17 +100,61 @@ export function Head({ app, showing }: { app: App; showing: Showing }) {
       >
         <Icon name="help" />
       </button>
-      <button
-        class="icon plain"
-        aria-label={isSideOpen.value ? "Close the panels" : "Open the panels"}
-        aria-expanded={isSideOpen.value}
-        aria-controls="side"
-        title="Panels (P)"
-        onClick={() => (isSideOpen.value = !isSideOpen.value)}
-      >
-        <Icon name={isSideOpen.value ? "close" : "open"} />
-      </button>
+      {!isSheet.value && <SideButton />}
     </>
+  );
+}
+
+/** The storeys, each with how many are in its rooms at the moment that is shown. */
+function StoreyChoice({ state, showing }: { state: State; showing: Showing }) {
+  void showing.beat.value;
+  const map = state.map.value!;
+  const world = state.isLive.value ? showing.now : showing.then;
+  const counts = state.isKnown.value ? headsByStorey(world, map) : null;
+  return (
+    <select
+      id="storey-choice"
+      aria-label="Storey"
+      value={state.storey.value ?? ""}
+      onChange={(event) => {
+        const storey = event.currentTarget.value || null;
+        if (storey === null) state.view.value = "space";
+        state.storey.value = storey;
+      }}
+    >
+      <option value="">all storeys, in 3D</option>
+      {map.storeys.toReversed().map(({ name }) => (
+        <option key={name} value={name}>
+          {counts?.has(name) ? `${name} (${counts.get(name)})` : name}
+        </option>
+      ))}
+    </select>
+  );
+}
+
+/** Each is counted once on a storey, in however many of its rooms. */
+function headsByStorey(world: World, map: MapModel): ReadonlyMap<string, number> {
+  const counts = new Map<string, number>();
+  for (const { state } of world.movers.values()) {
+    const storeys = new Set(state.rooms.map((id) => map.byId.get(id)?.storey));
+    for (const each of storeys) if (each) counts.set(each, (counts.get(each) ?? 0) + 1);
+  }
+  return counts;
+}
+
+/** Opens and closes the panels: in the head, and on a small window beside their tabs. */
+export function SideButton() {
+  return (
+    <button
+      class="icon plain side-button"
+      aria-label={isSideOpen.value ? "Close the panels" : "Open the panels"}
+      aria-expanded={isSideOpen.value}
+      aria-controls="side"
+      title="Panels (P)"
+      onClick={() => (isSideOpen.value = !isSideOpen.value)}
+    >
+      <Icon name={isSideOpen.value ? "close" : "open"} />
+    </button>
   );
 }
 
@@ -118,7 +172,9 @@ function Status({ app }: { app: App }) {
   if (at !== null) {
     return (
       <span class="status past" id="status" data-state="past">
-        <span class="number">{momentText(at)}</span>
+        <span class="number">
+          <span class="date">{dateText(at)}</span> {clockText(at, 100)}
+        </span>
       </span>
     );
   }
@@ -132,13 +188,34 @@ function Status({ app }: { app: App }) {
     );
   }
   return (
-    <span
-      class="status live"
-      id="status"
-      data-state={connection.resumed ? "resumed" : "live"}
-      title={newest === null ? "Nothing has moved yet" : `Newest: ${momentText(newest)}`}
-    >
-      {connection.resumed ? "Live again" : "Live"}
+    <>
+      <span
+        class={`status ${isFresh(newest) ? "live" : "stale"}`}
+        id="status"
+        data-state={connection.resumed ? "resumed" : "live"}
+      >
+        {connection.resumed ? "Live again" : "Live"}
+      </span>
+      <Freshness newest={newest} />
+    </>
+  );
+}
+
+/** How old the newest is that is shown as live: a service may be there, and nothing come from the building. */
+function Freshness({ newest }: { newest: number | null }) {
+  const [, setTick] = useState(0);
+  useEffect(() => {
+    const timer = setInterval(() => setTick((before) => before + 1), 1000);
+    return () => clearInterval(timer);
+  }, []);
+  if (newest === null) return <span id="freshness">nothing yet</span>;
+  return (
+    <span id="freshness" title={`The newest is of ${momentText(newest)}`}>
+      newest: {agoText(Date.now() - newest)}
     </span>
   );
+}
+
+function isFresh(newest: number | null): boolean {
+  return newest !== null && Math.abs(Date.now() - newest) < FRESH_MS;
 }

@@ -5,7 +5,8 @@ import type { Showing } from "../showing";
 import type { Tab } from "../state";
 import { EDIT_KEYS } from "../edit/keys";
 import type { Stage } from "../scene/stage";
-import { isHelpOpen, isSideOpen } from "./head";
+import { isHelpOpen } from "./head";
+import { isSideOpen } from "./side";
 import { toggleTheme } from "./theme";
 
 /** Keys and what they do, as the help lists them. */
@@ -20,6 +21,7 @@ export const KEYS: readonly [string[], string][] = [
   [["Space"], "Play the past, or pause"],
   [["L"], "Back to live"],
   [["1", "…", "6"], "The panels: details, events, edit, rules, queries, import"],
+  [["/"], "Find on the map, or among the events where they are listed"],
   [["P"], "Open or close the panels"],
   [["D"], "Light or dark"],
   [["Esc"], "Select nothing; leave a tool"],
@@ -42,6 +44,7 @@ export function startKeys(app: App, showing: Showing, stage: Stage): void {
     else if (event.key === "v") app.state.view.value = app.state.view.value === "plan" ? "space" : "plan";
     else if (event.key === "0") stage.fit();
     else if (event.key === "l") app.moveTo(null);
+    else if (event.key === "/") find(app);
     else if (event.key === "p") isSideOpen.value = !isSideOpen.value;
     else if (event.key === "d") toggleTheme();
     else if (event.key === "Escape") app.state.selection.value = null;
@@ -50,6 +53,21 @@ export function startKeys(app: App, showing: Showing, stage: Stage): void {
       else showing.pause();
     } else return;
     event.preventDefault();
+  });
+}
+
+/** Goes to the field of what is found on the map; among the events, to that of the events. */
+function find({ state }: App): void {
+  isSideOpen.value = true;
+  if (state.tab.value !== "events") {
+    state.tab.value = "details";
+    state.selection.value = null;
+  }
+  // What is chosen here is drawn before the next frame.
+  requestAnimationFrame(() => {
+    const field = document.querySelector<HTMLInputElement>(`#panel-${state.tab.value} input[type=search]`);
+    field?.focus();
+    field?.select();
   });
 }
 

@@ -7,7 +7,9 @@ import type { Connection } from "../state";
 import type { Showing } from "../showing";
 import { OCCUPANCY_STEPS } from "../scene/colours";
 import type { Stage } from "../scene/stage";
-import { durationText } from "../timeline/scale";
+import { durationText } from "../timeline/clock";
+import { askAgain, UNANSWERED } from "../unanswered";
+import { SampleBanner, Welcome } from "../welcome/welcome";
 import { isSignInOpen } from "./head";
 import { Icon } from "./icons";
 
@@ -27,7 +29,11 @@ export function StageChrome({ app, showing, stage }: { app: App; showing: Showin
           <Icon name="all" />
         </button>
       </div>
-      {connection.state === "disconnected" && <Disconnected connection={connection} showing={showing} />}
+      <div class="banners">
+        {connection.state === "disconnected" && <Disconnected connection={connection} showing={showing} />}
+        <UnreadMoment app={app} />
+        <SampleBanner />
+      </div>
       <Word app={app} showing={showing} />
       {state.map.value && <Legend />}
       <HoverCard app={app} showing={showing} stage={stage} />
@@ -55,6 +61,22 @@ function Disconnected({
         {wait_s > 0 ? `trying again in ${wait_s} s` : "trying again"}
       </span>
       <button onClick={() => showing.retryNow()}>Try now</button>
+    </div>
+  );
+}
+
+/** Nothing of the past is made up: what was not read is grey, and this says so. */
+function UnreadMoment({ app }: { app: App }) {
+  const { at, isKnown, unread, map } = app.state;
+  if (at.value === null || isKnown.value || map.value === null) return null;
+  const problem = unread.value;
+  const willRetry = problem !== null && UNANSWERED.has(problem.status);
+  return (
+    <div class="banner unread" role="status" id="unread">
+      {problem === null
+        ? "Reading this moment …"
+        : `How it was at this moment could not be read. ${willRetry ? "It is read again as soon as the service answers." : `${problem.detail} ${problem.remedy}`}`}
+      {problem !== null && !willRetry && <button onClick={askAgain}>Try again</button>}
     </div>
   );
 }
@@ -97,23 +119,7 @@ function Word({ app, showing }: { app: App; showing: Showing }) {
       </div>
     );
   }
-  if (state.maps.value?.length === 0) {
-    return (
-      <div class="stage-note" id="no-map">
-        <h2>There is no map yet</h2>
-        <p>
-          Drop a building here (.geojson, .ifc, .gml, .yaml or a .zip of a map), or bring one in from a
-          terminal:
-        </p>
-        <pre>semap map import office.geojson</pre>
-        <p class="row note-actions">
-          <button class="primary" onClick={() => (state.tab.value = "import")}>
-            Import a file
-          </button>
-        </p>
-      </div>
-    );
-  }
+  if (state.maps.value?.length === 0) return <Welcome app={app} />;
   if (state.mapName.value !== null && state.map.value === null) {
     return (
       <div class="stage-note" role="status">
@@ -201,7 +207,12 @@ function HoverCard({ app, showing, stage }: { app: App; showing: Showing; stage:
     name = thing.alias ?? thing.name;
     const door = (app.state.isLive.value ? showing.now : showing.then).doors.get(thing.id);
     const count = app.state.occupancy.value.get(thing.id) ?? 0;
-    more = thing.kind === "room" ? `${count} in it` : (door?.state ?? thing.concept);
+    more =
+      thing.kind !== "room"
+        ? (door?.state ?? thing.concept)
+        : app.state.isKnown.value
+          ? `${count} in it`
+          : "not known";
   } else if (selection.kind === "track") {
     const mover = (app.state.isLive.value ? showing.now : showing.then).movers.get(selection.id);
     if (!mover) return null;

@@ -1,8 +1,10 @@
 /** The tabs of the panels; each panel is an element of the document, which is shown or hidden. */
 
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 
 import type { State, Tab } from "../state";
+import { SideButton } from "./head";
+import { isSheet, isSideOpen } from "./side";
 
 const TABS: readonly [Tab, string][] = [
   ["details", "Details"],
@@ -15,7 +17,7 @@ const TABS: readonly [Tab, string][] = [
 
 export function Tabs({ state }: { state: State }) {
   const chosen = state.tab.value;
-  useEffect(() => {
+  useLayoutEffect(() => {
     for (const [tab] of TABS) document.getElementById(`panel-${tab}`)!.hidden = tab !== chosen;
   }, [chosen]);
   const choose = (at: number): void => {
@@ -24,26 +26,32 @@ export function Tabs({ state }: { state: State }) {
     document.getElementById(`tab-${tab}`)?.focus();
   };
   return (
-    <div role="tablist" aria-label="Panels">
-      {TABS.map(([tab, label], i) => (
-        <button
-          key={tab}
-          role="tab"
-          id={`tab-${tab}`}
-          aria-controls={`panel-${tab}`}
-          aria-selected={tab === chosen}
-          tabIndex={tab === chosen ? 0 : -1}
-          onClick={() => (state.tab.value = tab)}
-          onKeyDown={(event) => {
-            const to = { ArrowLeft: i - 1, ArrowRight: i + 1, Home: 0, End: TABS.length - 1 }[event.key];
-            if (to === undefined) return;
-            event.preventDefault();
-            choose(to);
-          }}
-        >
-          {label}
-        </button>
-      ))}
-    </div>
+    <>
+      <div role="tablist" aria-label="Panels">
+        {TABS.map(([tab, label], i) => (
+          <button
+            key={tab}
+            role="tab"
+            id={`tab-${tab}`}
+            aria-controls={`panel-${tab}`}
+            aria-selected={tab === chosen}
+            tabIndex={tab === chosen ? 0 : -1}
+            onClick={() => {
+              state.tab.value = tab;
+              isSideOpen.value = true;
+            }}
+            onKeyDown={(event) => {
+              const to = { ArrowLeft: i - 1, ArrowRight: i + 1, Home: 0, End: TABS.length - 1 }[event.key];
+              if (to === undefined) return;
+              event.preventDefault();
+              choose(to);
+            }}
+          >
+            {label}
+          </button>
+        ))}
+      </div>
+      {isSheet.value && <SideButton />}
+    </>
   );
 }

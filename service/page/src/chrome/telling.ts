@@ -3,6 +3,7 @@
 import { effect } from "@preact/signals";
 
 import type { State } from "../state";
+import { sentenceOf } from "../words";
 import { tell } from "./notices";
 
 const EVERY_MS = 4000;
@@ -16,9 +17,7 @@ export function startTellingEvents(state: State): void {
     if (!newest || told === null || newest.seq <= told) return;
     const more = state.events.peek().filter((each) => each.seq > told!).length - 1;
     told = newest.seq;
-    tell(
-      `${newest.track?.name ?? ""} ${newest.type} ${newest.instance?.name ?? ""}${more > 0 ? `, and ${more} more events` : ""}`,
-    );
+    tell(`${sentenceOf(newest, state.map.peek())}${more > 0 ? `, and ${more} more events` : ""}`);
   };
   effect(() => {
     const [newest] = state.events.value;

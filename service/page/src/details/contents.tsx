@@ -1,18 +1,20 @@
 /** All that is on the map, to be found by name and chosen by keyboard. */
 
-import { useState } from "preact/hooks";
-
 import type { App } from "../app";
 import type { Thing } from "../map/model";
+import { Roving } from "../panel/roving";
 import type { Showing } from "../showing";
-import { TrackLink } from "./parts";
+import { Gone } from "./gone";
+import { Happened } from "./happened";
+import { nameOf, TrackLink, Unread } from "./parts";
 
 const MOST = 200;
 
 export function Contents({ app, showing }: { app: App; showing: Showing }) {
-  const [wanted, setWanted] = useState("");
   void showing.beat.value;
+  const wanted = app.state.find.value;
   const { map, storey, occupancy, isLive, selection } = app.state;
+  const isKnown = app.state.isKnown.value;
   const world = isLive.value ? showing.now : showing.then;
   const isWanted = (...names: (string | null)[]): boolean =>
     names.some((name) => name?.toLowerCase().includes(wanted.trim().toLowerCase()));
@@ -28,7 +30,7 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
         <h3>
           {title} <span class="soft">{found.length}</span>
         </h3>
-        <ul class="list">
+        <Roving class="list">
           {found.slice(0, MOST).map((each) => (
             <li key={each.id}>
               <button class="link" onClick={() => (selection.value = { kind: "instance", id: each.id })}>
@@ -37,7 +39,7 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
               <span class="soft number">{note(each)}</span>
             </li>
           ))}
-        </ul>
+        </Roving>
         {found.length > MOST && <p class="soft">and {found.length - MOST} more; type a part of a name</p>}
       </section>
     );
@@ -48,29 +50,32 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
         <input
           type="search"
           value={wanted}
-          onInput={(event) => setWanted(event.currentTarget.value)}
-          placeholder="name or concept"
+          onInput={(event) => (app.state.find.value = event.currentTarget.value)}
+          placeholder="room, door, person or concept"
         />
       </label>
+      {!isKnown && <Unread app={app} />}
       {tracks.length > 0 && (
         <section>
           <h3>
             Who is here <span class="soft">{tracks.length}</span>
           </h3>
-          <ul class="list">
+          <Roving class="list">
             {tracks.slice(0, MOST).map((each) => (
               <li key={each.track_id}>
                 <TrackLink app={app} id={each.track_id} name={each.name} />
-                <span class="soft">{each.rooms.map((id) => nameOf(map.value?.byId.get(id))).join(", ")}</span>
+                <span class="soft">{each.rooms.map((id) => nameOf(app, id, "")).join(", ")}</span>
               </li>
             ))}
-          </ul>
+          </Roving>
         </section>
       )}
+      <Gone app={app} wanted={wanted.trim()} present={new Set(tracks.map((each) => each.track_id))} />
+      {wanted.trim() !== "" && <Happened app={app} wanted={wanted.trim()} />}
       {section(
         "Rooms",
         things.filter((each) => each.kind === "room"),
-        (each) => occupancy.value.get(each.id) ?? 0,
+        (each) => (isKnown ? (occupancy.value.get(each.id) ?? 0) : ""),
       )}
       {section(
         "Doors",
@@ -84,8 +89,4 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
       )}
     </div>
   );
-}
-
-function nameOf(thing: Thing | undefined): string {
-  return thing ? (thing.alias ?? thing.name) : "";
 }

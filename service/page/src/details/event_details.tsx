@@ -4,19 +4,23 @@ import type { EventDocument, ExplanationDocument } from "../documents";
 import { allPages, path } from "../api";
 import type { App } from "../app";
 import { useEffect, useState } from "preact/hooks";
-import { problemOf } from "../showing";
-import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
+import { withClock } from "../timeline/clock";
+import { problemOf } from "../unanswered";
+import { Facts, Failed, InstanceLink, Moment, nameOf, TrackLink } from "./parts";
+import { propertyOf, sentenceOf, titleOf } from "../words";
 import type { Reading } from "./reading";
 
 export function EventDetails({ event, app }: { event: EventDocument; app: App }) {
   const entries = (values: Record<string, unknown>): (readonly [string, string])[] =>
-    Object.entries(values).map(([key, value]) => [key, textOf(value)]);
+    Object.entries(values).map(([name, value]) => propertyOf(name, value));
   return (
     <>
       <header>
-        <h2 class="title">{event.type}</h2>
+        <h2 class="title" dir="auto">
+          {sentenceOf(event, app.state.map.value)}
+        </h2>
         <p class="soft">
-          event {event.seq} of rule {event.rule}, version {event.rule_version}
+          {titleOf(event.type)}, as the rule {titleOf(event.rule)} found it (version {event.rule_version})
         </p>
       </header>
       {event.verdict === "retracted" && (
@@ -31,7 +35,13 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
           ["Who", event.track && <TrackLink app={app} id={event.track.id} name={event.track.name} />],
           [
             "Where",
-            event.instance && <InstanceLink app={app} id={event.instance.id} name={event.instance.name} />,
+            event.instance && (
+              <InstanceLink
+                app={app}
+                id={event.instance.id}
+                name={nameOf(app, event.instance.id, event.instance.name)}
+              />
+            ),
           ],
           ["Since", event.since !== event.stamp && <Moment app={app} stamp={event.since} />],
           ["Because", event.cause && CAUSES[event.cause]],
@@ -48,8 +58,8 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
             {event.evidence.map((each) => (
               <tr key={each.uid}>
                 <th scope="row">
-                  {each.variable && <b>{each.variable} </b>}
-                  {SOURCES[each.source] ?? each.source}
+                  {SOURCES[each.source] ?? titleOf(each.source)}
+                  {each.variable && <span class="soft"> ({each.variable} of the rule)</span>}
                 </th>
                 <td>
                   <Moment app={app} stamp={each.stamp} />
@@ -71,10 +81,10 @@ const CAUSES = {
   map: "the map was edited",
 };
 const SOURCES: Readonly<Record<string, string>> = {
-  relation: "who was where",
-  object_state: "state of an object",
-  map: "change of the map",
-  event: "another event",
+  relation: "Somebody came or went",
+  object_state: "A door or another object changed its state",
+  map: "The map was edited",
+  event: "Another event",
 };
 
 /** The explanation of the rule as it stands now, which is not asked for by itself: it runs the rule again. */
@@ -106,13 +116,20 @@ function Why({ event, app }: { event: EventDocument; app: App }) {
         <button id="why" onClick={() => void ask()} disabled={reading?.state === "loading"}>
           Why did it fire?
         </button>
-        <button onClick={() => (app.state.tab.value = "rules")}>The rule</button>
+        <button
+          onClick={() => {
+            app.state.wantedRule.value = event.rule;
+            app.state.tab.value = "rules";
+          }}
+        >
+          The rule
+        </button>
       </div>
       {reading?.state === "loading" && <p class="soft">Running the rule over that time …</p>}
       {reading?.state === "failed" && <Failed problem={reading.problem} />}
       {reading?.state === "there" && (
         <pre class="why" tabIndex={0}>
-          {reading.value.lines.join("\n")}
+          {withClock(reading.value.lines.join("\n"))}
         </pre>
       )}
     </section>

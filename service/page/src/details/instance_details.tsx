@@ -5,8 +5,10 @@ import { path } from "../api";
 import type { App } from "../app";
 import { areaOf } from "../map/shape";
 import type { Showing } from "../showing";
-import { Facts, Failed, InstanceLink, Moment, textOf, TrackLink } from "./parts";
+import { Facts, Failed, InstanceLink, Moment, TrackLink, Unread } from "./parts";
+import { propertyOf } from "../words";
 import { useReading } from "./reading";
+import { RoomUse } from "./room_use";
 
 export function InstanceDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   const map = app.state.map.value;
@@ -42,6 +44,7 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
         />
       )}
       {thing.kind === "room" && <InRoom id={id} app={app} showing={showing} />}
+      {thing.kind === "room" && <RoomUse id={id} app={app} />}
       <Facts
         facts={[
           ["Area", area > 0 && `${area.toFixed(1)} m²`],
@@ -56,15 +59,12 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
                 <InstanceLink key={each.id} app={app} id={each.id} name={each.alias ?? each.name} />
               )),
           ],
-          ["Number", `${id}`],
         ]}
       />
       {Object.keys(thing.attributes).length > 0 && (
         <section>
           <h3>Attributes</h3>
-          <Facts
-            facts={Object.entries(thing.attributes).map(([key, value]) => [key, textOf(value)] as const)}
-          />
+          <Facts facts={Object.entries(thing.attributes).map(([name, value]) => propertyOf(name, value))} />
         </section>
       )}
       <div class="row">
@@ -81,6 +81,13 @@ function InRoom({ id, app, showing }: { id: number; app: App; showing: Showing }
   const then = [...showing.then.movers.values()]
     .filter((each) => each.state.rooms.includes(id))
     .map((each) => each.state);
+  if (!app.state.isKnown.value)
+    return (
+      <section>
+        <h3>In it{isLive ? " now" : " then"}</h3>
+        <Unread app={app} />
+      </section>
+    );
   return (
     <section>
       <h3>

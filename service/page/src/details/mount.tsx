@@ -1,5 +1,7 @@
 /** What is known of what is selected: an instance, a track or an event; else a list of what there is. */
 
+import "./details.css";
+
 import { render } from "preact";
 
 import type { App } from "../app";

@@ -5,7 +5,8 @@ import type { ComponentChildren } from "preact";
 import type { Problem } from "../documents";
 import type { App } from "../app";
 import { trackColourName } from "../scene/colours";
-import { durationText, momentText } from "../timeline/scale";
+import { nameIn } from "../words";
+import { durationText, momentText } from "../timeline/clock";
 
 const LEAST_AGO_MS = 50;
 
@@ -27,15 +28,17 @@ export function Facts({ facts }: { facts: readonly (readonly [string, ComponentC
   );
 }
 
-/** A moment that can be gone to, with how long ago that was by the moment shown. */
-export function Moment({ app, stamp }: { app: App; stamp: string }) {
+/** A moment that can be gone to, with how long ago that was by the moment shown, unless it is plain. */
+export function Moment({ app, stamp, isPlain = false }: { app: App; stamp: string; isPlain?: boolean }) {
   const at = Date.parse(stamp);
   const shown = app.state.at.value ?? app.state.newest.value;
   const ago = shown === null ? null : shown - at;
   return (
     <button class="link number" title="Show this moment" onClick={() => app.moveTo(at)}>
       {momentText(at)}
-      {ago !== null && ago >= LEAST_AGO_MS && <span class="soft ago"> {durationText(ago)} ago</span>}
+      {!isPlain && ago !== null && ago >= LEAST_AGO_MS && (
+        <span class="soft ago"> {durationText(ago)} ago</span>
+      )}
     </button>
   );
 }
@@ -65,9 +68,15 @@ export function Failed({ problem }: { problem: Problem }) {
   );
 }
 
-/** A value of any kind as text. */
-export function textOf(value: unknown): string {
-  if (typeof value === "number")
-    return Number.isInteger(value) ? String(value) : String(Math.round(value * 1000) / 1000);
-  return typeof value === "string" ? value : JSON.stringify(value);
+/** In place of what is not known of the moment that is shown. */
+export function Unread({ app }: { app: App }) {
+  return (
+    <p class="note unread">
+      {app.state.unread.value === null ? "Being read …" : "Not known: it could not be read."}
+    </p>
+  );
+}
+
+export function nameOf(app: App, id: number, otherwise: string | null): string {
+  return nameIn(app.state.map.value, id, otherwise);
 }

@@ -1,37 +1,88 @@
 /** A track: where it is, since when, how sure that is. */
 
-import type { RelationList } from "../documents";
+import type { RelationList, TrackDocument, TrackState, TrackStateDocument } from "../documents";
 import { path } from "../api";
 import type { App } from "../app";
 import { ellipse95 } from "../scene/ellipse";
 import type { Showing } from "../showing";
-import { Facts, Failed, InstanceLink, Moment } from "./parts";
+import { DayOf } from "./day";
+import { Facts, Failed, InstanceLink, Moment, nameOf, Unread } from "./parts";
 import { useReading } from "./reading";
 
 export function TrackDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   void showing.beat.value;
+  // Told at once with another moment.
+  void app.state.occupancy.value;
   const isLive = app.state.isLive.value;
-  const state = (isLive ? showing.now : showing.then).movers.get(id)?.state;
+  const reading = useReading<TrackDocument>(app.api, path`/tracks/${id}`, [isLive]);
+  const present = (isLive ? showing.now : showing.then).movers.get(id)?.state;
+  const known = present ?? (reading.state === "there" ? reading.value : null);
+  const seen = present ?? (reading.state === "there" ? reading.value.state : null);
+  if (known === null)
+    return reading.state === "failed" ? (
+      <Failed problem={reading.problem} />
+    ) : (
+      <p class="soft">Reading who that is …</p>
+    );
+  return (
+    <>
+      <header>
+        <h2 class="title">{known.name}</h2>
+        {!present && <Gone app={app} />}
+      </header>
+      {present ? <Present id={id} app={app} state={present} /> : seen && <LastSeen app={app} state={seen} />}
+      {seen && (
+        <DayOf
+          id={id}
+          name={known.name}
+          seen={Date.parse(seen.stamp)}
+          app={app}
+          because={isLive ? [present?.rooms.join()] : []}
+        />
+      )}
+    </>
+  );
+}
+
+/** Of who has left, or has not come yet at the moment that is shown. */
+function Gone({ app }: { app: App }) {
+  const { isLive, isKnown } = app.state;
+  if (!isKnown.value) return <Unread app={app} />;
+  return <p class="soft">{isLive.value ? "Has left the map." : "Not on the map at this moment."}</p>;
+}
+
+function LastSeen({ app, state }: { app: App; state: Pick<TrackStateDocument, "stamp" | "x_m" | "y_m"> }) {
+  return (
+    <Facts
+      facts={[
+        ["Last seen", <Moment app={app} stamp={state.stamp} />],
+        ["At", <Place state={state} />],
+      ]}
+    />
+  );
+}
+
+function Place({ state: { x_m, y_m } }: { state: { x_m: number; y_m: number } }) {
+  return <span class="number">{`x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m`}</span>;
+}
+
+function Present({ id, app, state }: { id: number; app: App; state: TrackState }) {
+  const isLive = app.state.isLive.value;
   const reading = useReading<RelationList>(app.api, isLive ? path`/tracks/${id}/rooms` : null, [
-    state?.rooms.join(),
+    state.rooms.join(),
   ]);
-  if (!state) return <p class="soft">It is not on the map {isLive ? "now" : "at this moment"}.</p>;
   const ellipse = { a_m: 0, b_m: 0, angle_rad: 0 };
   const isKnown = ellipse95(state.cov_xx_m2, state.cov_xy_m2, state.cov_yy_m2, ellipse);
   return (
     <>
-      <header>
-        <h2 class="title">{state.name}</h2>
-        <p class="soft">track {id}</p>
-      </header>
       <Facts
         facts={[
           ["Seen", <Moment app={app} stamp={state.stamp} />],
-          ["At", <span class="number">{`x ${state.x_m.toFixed(2)} m, y ${state.y_m.toFixed(2)} m`}</span>],
+          ["At", <Place state={state} />],
           [
-            "Known to",
+            "Accuracy",
             isKnown && (
-              <span class="number">{`${ellipse.a_m.toFixed(2)} m × ${ellipse.b_m.toFixed(2)} m (95 %)`}</span>
+              <span class="number">{`within ${ellipse.a_m.toFixed(2)} m × ${ellipse.b_m.toFixed(2)} m, 95 % sure`}</span>
             ),
           ],
           [
@@ -83,9 +134,4 @@ export function TrackDetails({ id, app, showing }: { id: number; app: App; showi
       </section>
     </>
   );
-}
-
-function nameOf(app: App, id: number, otherwise: string | null): string {
-  const thing = app.state.map.value?.byId.get(id);
-  return thing ? (thing.alias ?? thing.name) : (otherwise ?? "");
 }

@@ -1,7 +1,8 @@
 import { useState } from "preact/hooks";
 
 import { ProblemNote } from "../panel/problem";
-import { momentText } from "../timeline/scale";
+import { Roving } from "../panel/roving";
+import { momentText } from "../timeline/clock";
 import { isBy, renameAuthor } from "./author";
 import { nameOf, type Log } from "./log";
 
@@ -19,7 +20,7 @@ export function ChangesList({ log }: { log: Log }) {
     <>
       {log.problem.value && <ProblemNote problem={log.problem.value} />}
       {changes.length === 0 && <p class="soft">Nobody has changed this map yet.</p>}
-      <ol class="changes">
+      <Roving class="changes" isOrdered>
         {shown.map((change) => (
           <li key={change.id} class={undone.has(change.id) ? "undone" : ""}>
             <span class="what">{nameOf(change)}</span>
@@ -40,7 +41,7 @@ export function ChangesList({ log }: { log: Log }) {
             )}
           </li>
         ))}
-      </ol>
+      </Roving>
       {changes.length > shown.length && (
         <button type="button" onClick={() => setAll(true)}>
           Show all {changes.length}

@@ -24,6 +24,7 @@ export class Drawing {
   readonly crosshair = signal<Point | null>(null);
   readonly isSending = signal(false);
 
+  private away: Draft | null = null;
   /** What is being moved or reshaped, as it was when that began. */
   private base: Answer<InstanceDocument> | null = null;
 
@@ -56,7 +57,24 @@ export class Drawing {
     this.editing.change(footprint === null ? thing : { ...thing, outlines: outlinesOf(footprint) });
   }
 
+  /** Puts the drawing away while another panel is looked at; it is taken up again with this one. */
+  putAway(): void {
+    const draft = this.editing.draft.peek();
+    if (draft === null) return;
+    this.stop();
+    this.away = draft;
+    this.app.announce("The drawing waits in the panel Edit.");
+  }
+
+  takeUp(): void {
+    const draft = this.away;
+    if (draft === null) return;
+    this.take(draft.kind === "room" || draft.kind === "door" ? "crosshair" : "move");
+    this.editing.draft.value = draft;
+  }
+
   stop(): void {
+    this.away = null;
     this.app.surface.use(null);
     this.crosshair.value = null;
     this.editing.stop();
@@ -170,6 +188,7 @@ export class Drawing {
   }
 
   private take(cursor: string): void {
+    this.away = null;
     this.app.state.view.value = "plan";
     this.app.state.tab.value = "edit";
     if (!this.app.state.isLive.value) this.app.moveTo(null);

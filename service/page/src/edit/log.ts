@@ -42,7 +42,7 @@ export class Log {
       await this.read();
       const { undo } = this.steps.value;
       if (undo === null) this.app.announce("There is nothing of yours to undo.");
-      else await this.send(undo, `undo: ${nameOf(undo)}`);
+      else await this.send(undo, `undo: ${nameOf(undo)}`, `Undone: ${nameOf(undo)}.`);
     });
   }
 
@@ -52,13 +52,14 @@ export class Log {
       const { redo } = this.steps.value;
       if (redo === null) return this.app.announce("There is nothing of yours to do again.");
       const undone = this.changes.value?.find((change) => change.id === redo.undoes);
-      await this.send(redo, `again: ${undone === undefined ? `change ${redo.undoes}` : nameOf(undone)}`);
+      const name = undone === undefined ? `change ${redo.undoes}` : nameOf(undone);
+      await this.send(redo, `again: ${name}`, `Done again: ${name}.`);
     });
   }
 
   /** Takes any change back; one that something later builds on is refused by the service. */
   takeBack(change: ChangeSummary): Promise<void> {
-    return this.inTurn(() => this.send(change, `undo: ${nameOf(change)}`));
+    return this.inTurn(() => this.send(change, `undo: ${nameOf(change)}`, `Taken back: ${nameOf(change)}.`));
   }
 
   /** One after the other, so that keys which are pressed fast go back step by step. */
@@ -69,11 +70,11 @@ export class Log {
     return done;
   }
 
-  private async send(change: ChangeSummary, message: string): Promise<void> {
+  private async send(change: ChangeSummary, message: string, done: string): Promise<void> {
     this.problem.value = null;
     try {
       await undoChange(this.app.api, change, message);
-      this.app.announce(`Done: ${message}.`);
+      this.app.announce(done);
       await this.app.reloadMap();
     } catch (error) {
       this.problem.value = problemOf(error);

@@ -1,11 +1,14 @@
-import { effect } from "@preact/signals";
+import { effect, untracked } from "@preact/signals";
 import { render } from "preact";
 
 import type { Concept } from "../documents";
 import type { App } from "../app";
+import { FixedCamera } from "../camera/mount";
 import "../panel/panel.css";
+import { Guarded } from "../panel/guarded";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
+import { contact } from "../unanswered";
 import { ChangesList } from "./changes_list";
 import { choicesOf } from "./concepts";
 import { Drawing } from "./drawing";
@@ -23,13 +26,17 @@ export function mount(element: HTMLElement, app: App): void {
   const log = new Log(app);
   effect(() => {
     // A new state of the map is the only sign of changes that others made.
-    void app.state.map.value;
+    void [app.state.map.value, contact.value];
     if (app.state.mapName.value !== null) void log.read();
   });
   effect(() => {
     void app.state.mapName.value;
     drawing.stop();
     log.changes.value = null;
+  });
+  effect(() => {
+    const isShown = app.state.tab.value === "edit";
+    untracked(() => (isShown ? drawing.takeUp() : drawing.putAway()));
   });
   listenForKeys(app, {
     isDrawing: () => drawing.isOn,
@@ -65,29 +72,34 @@ function OnMap({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) 
   const isDrawn = draft?.kind === "room" || draft?.kind === "door";
   return (
     <div class="stack">
-      <Toolbar drawing={drawing} log={log} />
-      {found.problem && <ProblemNote problem={found.problem} retry={found.reload} />}
-      {isDrawn && <NewThing key={draft.kind} app={app} drawing={drawing} concepts={concepts} draft={draft} />}
-      {draft && !isDrawn && <ChangedShape drawing={drawing} draft={draft} />}
-      {draft === null && selection?.kind === "instance" && (
-        <InstanceForm
-          key={selection.id}
-          app={app}
-          drawing={drawing}
-          id={selection.id}
-          concepts={concepts}
-          isUndoing={log.isUndoing.value}
-        />
-      )}
-      {draft === null && selection?.kind !== "instance" && (
-        <p class="soft">Choose a room, a door or a thing on the map to change it, or draw a new one.</p>
-      )}
-      <details open>
-        <summary>Changes of this map</summary>
-        <div class="stack">
-          <ChangesList log={log} />
-        </div>
-      </details>
+      <Guarded app={app} what="Editing">
+        <Toolbar drawing={drawing} log={log} />
+        {found.problem && <ProblemNote problem={found.problem} retry={found.reload} />}
+        {isDrawn && (
+          <NewThing key={draft.kind} app={app} drawing={drawing} concepts={concepts} draft={draft} />
+        )}
+        {draft && !isDrawn && <ChangedShape drawing={drawing} draft={draft} />}
+        {draft === null && selection?.kind === "instance" && (
+          <InstanceForm
+            key={selection.id}
+            app={app}
+            drawing={drawing}
+            id={selection.id}
+            concepts={concepts}
+            isUndoing={log.isUndoing.value}
+          />
+        )}
+        {draft === null && selection?.kind !== "instance" && (
+          <p class="soft">Choose a room, a door or a thing on the map to change it, or draw a new one.</p>
+        )}
+        <details open>
+          <summary>Changes of this map</summary>
+          <div class="stack">
+            <ChangesList log={log} />
+          </div>
+        </details>
+      </Guarded>
+      <FixedCamera app={app} />
     </div>
   );
 }

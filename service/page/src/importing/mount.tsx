@@ -5,6 +5,7 @@ import { useRef, useState } from "preact/hooks";
 import type { FindingDocument, ImportDocument } from "../documents";
 import type { App } from "../app";
 import "../panel/panel.css";
+import { Guarded } from "../panel/guarded";
 import { ProblemNote } from "../panel/problem";
 import { listenForDrops } from "./drop";
 import { hasEnded, Imports, refusalOf, SUFFIXES, type Import } from "./imports";
@@ -57,29 +58,31 @@ function Panel({
   const map = app.state.mapName.value;
   return (
     <div class="stack">
-      <div class="empty stack">
-        <p>
-          Drop a file anywhere on this page: a building ({SUFFIXES.slice(0, 4).join(", ")}) or a whole map
-          (.yaml, or the .zip of an export).
-        </p>
-        <p>
-          <button type="button" class="primary" onClick={() => chosen.current?.click()}>
-            Choose files…
-          </button>
-          <input
-            ref={chosen}
-            type="file"
-            hidden
-            multiple
-            accept={SUFFIXES.join(",")}
-            aria-label="Files to import"
-            onChange={(event) => {
-              take([...(event.currentTarget.files ?? [])]);
-              event.currentTarget.value = "";
-            }}
-          />
-        </p>
-      </div>
+      <Guarded app={app} what="Importing" isShared={!intoShown.value}>
+        <div class="empty stack">
+          <p>
+            Drop a file anywhere on this page: a building ({SUFFIXES.slice(0, 4).join(", ")}) or a whole map
+            (.yaml, or the .zip of an export).
+          </p>
+          <p>
+            <button type="button" class="primary" onClick={() => chosen.current?.click()}>
+              Choose files…
+            </button>
+            <input
+              ref={chosen}
+              type="file"
+              hidden
+              multiple
+              accept={SUFFIXES.join(",")}
+              aria-label="Files to import"
+              onChange={(event) => {
+                take([...(event.currentTarget.files ?? [])]);
+                event.currentTarget.value = "";
+              }}
+            />
+          </p>
+        </div>
+      </Guarded>
       {map !== null && (
         <label class="field">
           <span>A building goes into</span>

@@ -9,7 +9,7 @@ export type Happening =
   | { kind: "noticed" };
 
 const FIRST_WAIT_MS = 400;
-const LONGEST_WAIT_MS = 10_000;
+const LONGEST_WAIT_MS = 1_500;
 
 /** The next state: what follows a loss is "resumed" until that was noticed. */
 export function follow(connection: Connection, happening: Happening): Connection {

@@ -21,6 +21,8 @@ const NOTICED_MS = 5000;
 const EVENTS_BEFORE = 200;
 
 export class Live {
+  private readonly api: Api;
+  private readonly mapName: string;
   private readonly state: State;
   private readonly user: LiveUser;
   private readonly movement: LastingSocket;
@@ -28,16 +30,20 @@ export class Live {
   private cursor = 0;
   private changeSet: number | null = null;
   private isStopped = false;
+  /** The number of the newest event as the page was opened; null once those before it were read. */
+  private unreadUpTo: number | null = null;
   /** The service will not answer, however often it is asked. */
   isRefused = false;
 
   constructor(api: Api, state: State, mapName: string, user: LiveUser) {
+    this.api = api;
+    this.mapName = mapName;
     this.state = state;
     this.user = user;
     this.happens({ kind: "asked" });
     this.movement = new LastingSocket(api, {
       path: () => path`/maps/${mapName}/live`,
-      take: (message) => this.take(message, () => this.followEvents(api, mapName)),
+      take: (message) => this.take(message),
       lost: (retryAt) => this.happens({ kind: "lost", now: Date.now(), retryAt }),
       refused: (status, detail) => this.refuse(status, detail),
     });
@@ -54,16 +60,18 @@ export class Live {
     this.events?.retryNow();
   }
 
-  private take(message: { type: string }, firstTime: () => void): void {
+  private take(message: { type: string }): void {
     if (message.type === "snapshot") {
       const snapshot = message as unknown as Snapshot;
       this.user.snapshot(snapshot);
       this.noteEdit(snapshot.change_set);
       this.happens({ kind: "snapshot" });
       if (this.events === null) {
-        this.cursor = snapshot.event_cursor ?? 0;
-        firstTime();
+        this.cursor = this.unreadUpTo = snapshot.event_cursor ?? 0;
+        this.state.eventsSince.value = this.cursor;
+        this.followEvents();
       }
+      if (this.unreadUpTo !== null) void this.eventsBefore(this.unreadUpTo);
     } else if (message.type === "delta") {
       const delta = message as unknown as Delta;
       this.user.delta(delta);
@@ -77,10 +85,9 @@ export class Live {
     this.changeSet = changeSet;
   }
 
-  private followEvents(api: Api, mapName: string): void {
-    void this.eventsBefore(api, mapName);
-    this.events = new LastingSocket(api, {
-      path: () => `/events/feed?map=${encodeURIComponent(mapName)}&after=${this.cursor}`,
+  private followEvents(): void {
+    this.events = new LastingSocket(this.api, {
+      path: () => `/events/feed?map=${encodeURIComponent(this.mapName)}&after=${this.cursor}`,
       take: (message) => {
         const cursor = message["cursor"];
         if (typeof cursor === "number") this.cursor = cursor;
@@ -92,15 +99,15 @@ export class Live {
   }
 
   /** What happened shortly before, so that the list does not begin empty. Numbers have gaps, so some may be few. */
-  private async eventsBefore(api: Api, mapName: string): Promise<void> {
-    const after = Math.max(0, this.cursor - EVENTS_BEFORE);
-    const address = `/events?map=${encodeURIComponent(mapName)}&after=${after}&limit=${EVENTS_BEFORE}`;
-    const before = this.cursor;
+  private async eventsBefore(before: number): Promise<void> {
+    const after = Math.max(0, before - EVENTS_BEFORE);
+    const address = `/events?map=${encodeURIComponent(this.mapName)}&after=${after}&limit=${EVENTS_BEFORE}`;
     try {
-      const { events } = await api.get<{ events: EventDocument[] }>(address);
+      const { events } = await this.api.get<{ events: EventDocument[] }>(address);
+      this.unreadUpTo = null;
       if (!this.isStopped) this.user.events(events.filter((each) => each.seq <= before));
     } catch {
-      // The list begins with what comes.
+      // They are asked for again with the next snapshot, which comes when the service is back.
     }
   }
 

@@ -10,6 +10,8 @@ export class World {
   occupancy: ReadonlyMap<number, number> = new Map();
   /** Rises with each change of doors. */
   doorsVersion = 0;
+  /** Whether anything was told: before that, empty rooms and doors of no state would be made up. */
+  isKnown = false;
 
   /** Takes all of a moment. Who was there before moves on to where they are; who is missing is gone. */
   take(snapshot: Snapshot, now_ms: number): void {
@@ -24,6 +26,7 @@ export class World {
     for (const door of snapshot.doors) this.doors.set(door.instance_id, door);
     this.doorsVersion++;
     this.occupancy = countsOf(snapshot.rooms);
+    this.isKnown = true;
   }
 
   /** Takes what changed. */
@@ -59,7 +62,9 @@ export class World {
     return { stamp: null, tracks, doors: [...this.doors.values()], rooms: {} };
   }
 
+  /** Nothing is known any more. */
   clear(): void {
+    this.isKnown = false;
     this.movers.clear();
     this.doors.clear();
     this.doorsVersion++;

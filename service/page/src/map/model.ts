@@ -15,6 +15,8 @@ export interface Thing {
   readonly concept: string;
   /** What it is drawn as: by its concept, or by one above that. */
   readonly kind: Kind;
+  /** Drawn otherwise than its kind: a window is glass, a passage has no leaf and so no state. */
+  readonly sign?: "window" | "passage";
   readonly storey: string | null;
   readonly outlines: readonly Outline[];
   /** The doorway of a door, from the side where a left leaf has its hinge. */

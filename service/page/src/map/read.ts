@@ -92,7 +92,11 @@ export function modelOf(
   const things: Thing[] = [];
   for (const feature of document.features) {
     const instance = byUid.get(feature.id);
-    if (instance) things.push(thingOf(feature, instance, kinds.of(instance.concept)));
+    if (instance)
+      things.push({
+        ...thingOf(feature, instance, kinds.of(instance.concept)),
+        ...kinds.signOf(instance.concept),
+      });
   }
   const storeys: Storey[] = Object.entries(document.storeys ?? {}).map(([name, elevation_m]) => ({
     name,
@@ -116,12 +120,23 @@ class Kinds {
     this.parents = new Map(concepts.map((each) => [each.name, each.parents]));
   }
 
+  signOf(concept: string): Pick<Thing, "sign"> {
+    const above = this.above(concept);
+    if (above.has("Window")) return { sign: "window" };
+    return above.has("Opening") && !above.has("Door") ? { sign: "passage" } : {};
+  }
+
   of(concept: string): Kind {
-    const above = new Set([concept]);
-    for (const each of above) for (const parent of this.parents.get(each) ?? []) above.add(parent);
+    const above = this.above(concept);
     if (above.has("Room")) return "room";
     if (above.has("Window")) return "thing";
     return above.has("Door") || above.has("Opening") ? "door" : "thing";
+  }
+
+  private above(concept: string): Set<string> {
+    const above = new Set([concept]);
+    for (const each of above) for (const parent of this.parents.get(each) ?? []) above.add(parent);
+    return above;
   }
 }
 

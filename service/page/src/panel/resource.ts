@@ -1,8 +1,9 @@
 /** Something that a panel reads from the service: being read, there, or not to be had. */
 
-import { useCallback, useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useCallback, useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 
 import type { Problem } from "../documents";
+import { contact } from "../unanswered";
 import { problemOf } from "./problem";
 
 export interface Resource<T> {
@@ -47,5 +48,11 @@ export function useResource<T>(
     return () => stop.abort();
   }, [...causes, round, isWanted]);
   const reload = useCallback(() => setRound((before) => before + 1), []);
+  const isMissing = found.problem !== null;
+  const contacts = contact.value;
+  // What could not be read while the service was away is read when it is back.
+  useEffect(() => {
+    if (isMissing) reload();
+  }, [contacts]);
   return { ...found, reload };
 }

@@ -8,6 +8,7 @@ import { choicesOf } from "../edit/concepts";
 import { ConceptSelect } from "../edit/instance_form";
 import { ask } from "../panel/ask";
 import "../panel/panel.css";
+import { Guarded } from "../panel/guarded";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
 
@@ -53,12 +54,14 @@ function Queries({ app, map }: { app: App; map: string }) {
       {value?.length === 0 && (
         <p class="empty">No queries on this map. Without one nobody is known to be anywhere.</p>
       )}
-      <ul class="cards" aria-label="Queries">
-        {value?.map((query) => (
-          <QueryCard key={query.id} app={app} query={query} changed={reload} />
-        ))}
-      </ul>
-      <NewQuery app={app} map={map} made={reload} />
+      <Guarded app={app} what="Changing queries">
+        <ul class="cards" aria-label="Queries">
+          {value?.map((query) => (
+            <QueryCard key={query.id} app={app} query={query} changed={reload} />
+          ))}
+        </ul>
+        <NewQuery app={app} map={map} made={reload} />
+      </Guarded>
     </div>
   );
 }

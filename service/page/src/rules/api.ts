@@ -1,6 +1,14 @@
 /** Rules over the API. */
 
-import type { DryRunAnswer, RuleCheck, RuleDocument, RuleTemplate, RuleVersionDocument } from "../documents";
+import type {
+  DryRunAnswer,
+  FilledTemplate,
+  RuleCheck,
+  RuleDocument,
+  RuleTemplate,
+  RuleVersionDocument,
+  RuleWords,
+} from "../documents";
 import { allPages, path, type Answer, type Api } from "../api";
 
 export type Declaration = Record<string, unknown>;
@@ -11,6 +19,21 @@ export function listRules(api: Api, map: string, signal: AbortSignal): Promise<R
 
 export async function listTemplates(api: Api, signal: AbortSignal): Promise<RuleTemplate[]> {
   return (await api.get<{ templates: RuleTemplate[] }>("/rule-templates", signal)).templates;
+}
+
+export async function fillTemplate(
+  api: Api,
+  name: string,
+  values: Readonly<Record<string, string>>,
+  signal: AbortSignal,
+): Promise<string> {
+  const where = path`/rule-templates/${name}/text`;
+  return (await api.send<FilledTemplate>("POST", where, { body: { values }, signal })).body.text;
+}
+
+/** What texts of rules may name on a map. */
+export function readWords(api: Api, map: string, signal: AbortSignal): Promise<RuleWords> {
+  return api.get(path`/maps/${map}/rule-words`, signal);
 }
 
 export async function listVersions(
@@ -79,6 +102,7 @@ export async function dryRun(
   name: string,
   declaration: Declaration,
   span: { from: number; to: number },
+  signal: AbortSignal,
 ): Promise<DryRunAnswer> {
   const body = {
     map,
@@ -87,7 +111,7 @@ export async function dryRun(
     from: new Date(span.from).toISOString(),
     to: new Date(span.to).toISOString(),
   };
-  return (await api.send<DryRunAnswer>("POST", "/rules/dry-run", { body })).body;
+  return (await api.send<DryRunAnswer>("POST", "/rules/dry-run", { body, signal })).body;
 }
 
 /** Why a rule found something around a moment, or how far it came; key: of each property `name=value`. */

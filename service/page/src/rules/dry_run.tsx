@@ -4,7 +4,8 @@ import type { DryRunAnswer, Problem } from "../documents";
 import type { App } from "../app";
 import { ProblemNote, problemOf } from "../panel/problem";
 import type { Span } from "../state";
-import { timeText } from "../timeline/scale";
+import { clockText, momentText } from "../timeline/clock";
+import { sentenceOf } from "../words";
 import { dryRun, type Declaration } from "./api";
 import { lossOf } from "./text";
 
@@ -13,10 +14,13 @@ const LEAST_BESIDE_MS = 10_000;
 /** What is shown of a dry run in the panel; the timeline shows all of it. */
 const SHOWN = 30;
 
+/** Not every key is worth a run; the check, which comes before, has waited as well. */
+const PAUSE_MS = 250;
+
 const SPANS = {
-  hour: "the last hour",
-  day: "the last day",
-  shown: "what the timeline shows",
+  hour: "the hour shown",
+  day: "the day shown",
+  shown: "all that the timeline shows",
 } as const;
 type SpanName = keyof typeof SPANS;
 
@@ -28,78 +32,108 @@ interface DryRunProps {
   declaration: Declaration | null;
 }
 
-/** Runs a rule over what is stored, and draws on the timeline what it would have found; nothing is written. */
+/** What a run found, or why it did not run; null of both: nothing was asked, or it is running. */
+interface Run {
+  found: DryRunAnswer | null;
+  problem: Problem | null;
+  over: Span | null;
+}
+
+const NOTHING: Run = { found: null, problem: null, over: null };
+
+/**
+ * Runs a rule over what is stored while it is written, and draws on the timeline what it would have found;
+ * nothing is written. A newer text, or another time that is shown, ends the run of the one before.
+ */
 export function DryRun({ app, map, name, declaration }: DryRunProps) {
   const [span, setSpan] = useState<SpanName>("hour");
-  const [found, setFound] = useState<DryRunAnswer | null>(null);
-  const [problem, setProblem] = useState<Problem | null>(null);
-  const [isRunning, setRunning] = useState(false);
+  const [run, setRun] = useState<Run>(NOTHING);
+  const [round, setRound] = useState(0);
   const asText = JSON.stringify(declaration);
-  const clear = (): void => {
+  useEffect(() => {
+    // What another text found would be mistaken for what this one finds.
     app.timeline.overlay([]);
-    setFound(null);
-  };
-  // What another text found would be mistaken for what this one finds.
-  useEffect(() => clear(), [asText]);
-  useEffect(() => () => app.timeline.overlay([]), []);
-  const run = async (): Promise<void> => {
+    setRun(NOTHING);
     if (declaration === null) return;
-    setRunning(true);
-    setProblem(null);
-    try {
+    const stop = new AbortController();
+    const send = async (): Promise<void> => {
       const over = spanOf(app, span);
-      const made = await dryRun(app.api, map, name, declaration, over);
-      setFound(made);
-      const seen = around(made.events, over);
-      app.timeline.show(seen.from, seen.to);
-      app.timeline.overlay(made.events, name);
-      app.announce(told(made.count));
-    } catch (error) {
-      setProblem(problemOf(error));
-    } finally {
-      setRunning(false);
-    }
-  };
+      try {
+        const found = await dryRun(app.api, map, name, declaration, over, stop.signal);
+        if (stop.signal.aborted) return;
+        app.timeline.overlay(found.events, name);
+        setRun({ found, problem: null, over });
+      } catch (error) {
+        if (!stop.signal.aborted) setRun({ found: null, problem: problemOf(error), over });
+      }
+    };
+    const timer = setTimeout(() => void send(), PAUSE_MS);
+    return () => {
+      clearTimeout(timer);
+      stop.abort();
+    };
+  }, [asText, map, name, span, round]);
+  useEffect(() => () => app.timeline.overlay([]), []);
+  const again = (): void => setRound((before) => before + 1);
+  const shown = app.state.span.value;
+  const isElsewhere = run.over !== null && !isNear(spanOf(app, span), run.over);
+  // Somebody looks at another time, and rests there.
+  useEffect(() => {
+    if (!isElsewhere) return;
+    const timer = setTimeout(again, PAUSE_MS);
+    return () => clearTimeout(timer);
+  }, [isElsewhere, shown]);
+  const isRunning = declaration !== null && run.found === null && run.problem === null;
   return (
     <section class="stack" aria-label="Dry run">
-      <div class="row line">
-        <button type="button" disabled={declaration === null || isRunning} onClick={() => void run()}>
-          {isRunning ? "Running…" : "Dry run"}
-        </button>
-        <label class="inline">
-          over{" "}
-          <select value={span} onChange={(event) => setSpan(event.currentTarget.value as SpanName)}>
-            {Object.entries(SPANS).map(([key, label]) => (
-              <option key={key} value={key}>
-                {label}
-              </option>
-            ))}
-          </select>
-        </label>
-      </div>
-      {problem && <ProblemNote problem={problem} retry={() => void run()} />}
-      {found && <Result app={app} found={found} clear={clear} />}
+      <label class="inline">
+        <strong>Dry run</strong> over
+        <select value={span} onChange={(event) => setSpan(event.currentTarget.value as SpanName)}>
+          {Object.entries(SPANS).map(([key, label]) => (
+            <option key={key} value={key}>
+              {label}
+            </option>
+          ))}
+        </select>
+      </label>
+      {declaration === null && (
+        <p class="soft">What it would have found is shown here as soon as it is right.</p>
+      )}
+      {isRunning && (
+        <p class="soft" role="status">
+          Running…
+        </p>
+      )}
+      {run.problem && <ProblemNote problem={run.problem} retry={again} />}
+      {run.found && <Result app={app} found={run.found} over={run.over!} />}
     </section>
   );
 }
 
-function Result({ app, found, clear }: { app: App; found: DryRunAnswer; clear: () => void }) {
+function Result({ app, found, over }: { app: App; found: DryRunAnswer; over: Span }) {
+  const show = (): void => {
+    const seen = around(found.events, over);
+    app.timeline.show(seen.from, seen.to);
+  };
   return (
     <div class="note stack">
       <p class="row line">
-        <strong>{told(found.count)}</strong>
+        <strong role="status">{told(found.count)}</strong>
         <span class="grow" />
-        <button type="button" class="plain" onClick={clear}>
-          Clear
+        <button type="button" class="plain" onClick={show}>
+          Show on the timeline
         </button>
+      </p>
+      <p class="soft">
+        {momentText(over.from)} to {momentText(over.to)}
       </p>
       {found.given_up && <p class="note warn">{lossOf(found.given_up)}</p>}
       <ol class="found">
         {found.events.slice(0, SHOWN).map((event) => (
           <li key={event.event_id}>
             <button type="button" class="plain" onClick={() => app.moveTo(Date.parse(event.stamp))}>
-              <time dateTime={event.stamp}>{timeText(Date.parse(event.stamp), 1000)}</time> {event.type}{" "}
-              {[event.track?.name, event.instance?.name].filter(Boolean).join(", ")}
+              <time dateTime={event.stamp}>{clockText(Date.parse(event.stamp), 1000)}</time>{" "}
+              {sentenceOf(event, app.state.map.value)}
             </button>
           </li>
         ))}
@@ -127,9 +161,17 @@ function around(events: DryRunAnswer["events"], searched: Span): Span {
   return { from: from - beside, to: to + beside };
 }
 
-/** Event time may be far from this machine's clock: the last hour ends where event time has come to. */
+/** The hour or day that ends with what the timeline shows; of the future nothing is known yet. */
 function spanOf(app: App, name: SpanName): Span {
-  const to = (app.state.newest.value ?? Date.now()) + 1000;
-  if (name === "shown") return app.state.span.value;
+  const shown = app.state.span.peek();
+  if (name === "shown") return shown;
+  const known = (app.state.newest.peek() ?? Date.now()) + 1000;
+  const to = shown.from < known ? Math.min(shown.to, known) : shown.to;
   return { from: to - (name === "hour" ? HOUR_MS : 24 * HOUR_MS), to };
+}
+
+/** Whether a run over one of them says as much as one over the other: live, they shift by and by. */
+function isNear(one: Span, other: Span): boolean {
+  const slack = (other.to - other.from) / 4;
+  return Math.abs(one.from - other.from) <= slack && Math.abs(one.to - other.to) <= slack;
 }

@@ -3,6 +3,7 @@ import { useState } from "preact/hooks";
 import type { Problem, RuleDocument } from "../documents";
 import type { App } from "../app";
 import { ProblemNote, problemOf } from "../panel/problem";
+import { stampText, withClock } from "../timeline/clock";
 import { explain } from "./api";
 import { keyOf } from "./text";
 
@@ -11,7 +12,7 @@ export function Explanation({ app, rule, close }: { app: App; rule: RuleDocument
   const names = keyOf(rule.declaration);
   const selection = app.state.selection.value;
   const event = selection?.kind === "event" && selection.event.rule === rule.name ? selection.event : null;
-  const [at, setAt] = useState(() => new Date(momentOf(app, event?.stamp)).toISOString());
+  const [at, setAt] = useState(() => stampText(momentOf(app, event?.stamp)));
   const [key, setKey] = useState<Record<string, string>>(() =>
     Object.fromEntries(
       names.map((name) => [name, event?.key[name] === undefined ? "" : String(event.key[name])]),
@@ -73,7 +74,9 @@ export function Explanation({ app, rule, close }: { app: App; rule: RuleDocument
       </datalist>
       {problem && <ProblemNote problem={problem} />}
       {found && (
-        <pre class={found.found ? "note good lines" : "note warn lines"}>{found.lines.join("\n")}</pre>
+        <pre class={found.found ? "note good lines" : "note warn lines"}>
+          {withClock(found.lines.join("\n"))}
+        </pre>
       )}
       <div class="row">
         <button type="submit" class="primary" disabled={!isReady}>

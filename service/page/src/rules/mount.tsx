@@ -1,5 +1,5 @@
 import { render } from "preact";
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { Problem, RuleDocument } from "../documents";
 import type { App } from "../app";
@@ -10,8 +10,10 @@ import { useResource } from "../panel/resource";
 import { changeRule, deleteRule, listRules, readRule } from "./api";
 import { Explanation } from "./explanation";
 import "./rules.css";
+import { Notify } from "./notify";
 import { lossOf, madeBy, readBy } from "./text";
-import { Writing, type Subject } from "./writing";
+import { titleOf } from "../words";
+import { mayLeave, Writing, type Subject } from "./writing";
 
 /** Puts the panel for rules into its element. */
 export function mount(element: HTMLElement, app: App): void {
@@ -37,12 +39,30 @@ function Rules({ app, map }: { app: App; map: string }) {
     setWasShown(isShown);
     if (isShown) reload();
   }
+  const isDirty = useRef(false);
+  const wanted = app.state.wantedRule.value;
+  useEffect(() => {
+    if (wanted === null || value === null || isLoading) return;
+    app.state.wantedRule.value = null;
+    void openWanted(wanted);
+  }, [wanted, value, isLoading]);
+  const openWanted = async (name: string): Promise<void> => {
+    const rule = value?.find((each) => each.name === name);
+    if (rule === undefined) return app.announce(`The rule ${name} is no longer there.`, "error");
+    if (subject?.rule?.id === rule.id || (isDirty.current && !(await mayLeave()))) return;
+    try {
+      setSubject(await readRule(app.api, rule.id));
+    } catch (error) {
+      app.announce(problemOf(error).detail, "error");
+    }
+  };
   if (subject !== null) {
     const close = (): void => {
       setSubject(null);
       reload();
     };
-    return <Writing key={subject.rule?.id ?? "new"} app={app} map={map} subject={subject} close={close} />;
+    const key = subject.rule?.id ?? "new";
+    return <Writing key={key} app={app} map={map} subject={subject} isDirty={isDirty} close={close} />;
   }
   return (
     <div class="stack">
@@ -111,7 +131,8 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
         <span class={rule.enabled ? "chip good" : "chip off"}>{rule.enabled ? "on" : "off"}</span>
       </header>
       <p class="soft">
-        {readBy(rule.declaration).join(", ")} → <strong>{madeBy(rule.declaration).join(", ")}</strong>
+        It makes <strong>{madeBy(rule.declaration).map(titleOf).join("; ")}</strong> of{" "}
+        {readBy(rule.declaration).map(titleOf).join("; ")}.
       </p>
       {rule.given_up && <p class="note warn">{lossOf(rule.given_up)}</p>}
       {problem && <ProblemNote problem={problem} />}
@@ -142,6 +163,7 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
         >
           Explain…
         </button>
+        <Notify map={rule.map} types={madeBy(rule.declaration)} name={rule.name} />
         <button
           type="button"
           class="danger"

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 
+import { momentText } from "../timeline/clock";
 import { keyOf, lossOf, madeBy, offsetOf, readBy, withNewLine } from "./text";
 
 const TEXT = "name: a\nemit:\n  began: b\n";
@@ -43,9 +44,12 @@ describe("a declaration", () => {
 describe("lossOf", () => {
   it("names the first stamp and its key", () => {
     const first = "2026-01-31T12:00:00Z";
-    expect(lossOf({ first, key: { track: "ann", room: "Room07" } })).toContain(
-      "begin at 2026-01-31T12:00:00Z or later may be missing (first of track ann, room Room07). Give",
+    expect(lossOf({ attempts: 2, first, key: { track: "ann", room: "Room07" } })).toContain(
+      `begin at ${momentText(Date.parse(first))} or later may be missing (first of track ann, room Room07). Give`,
     );
-    expect(lossOf({ first, key: {} })).toContain("may be missing. Give");
+    expect(lossOf({ attempts: 1, first, key: {} })).toContain("may be missing. Give");
+    expect(lossOf({ attempts: 0, first, key: {}, matches: 6382 })).toMatch(
+      /^6,382 matches were .*may be missing. Say how/,
+    );
   });
 });

@@ -1,5 +1,7 @@
 /** Places in a text, and what the enter key does in YAML. */
 
+import { withClock } from "../timeline/clock";
+
 /** line, column  from 1; beyond the end of a line or text it is that end */
 export function offsetOf(text: string, line: number, column: number): number {
   const lines = text.split("\n");
@@ -45,12 +47,19 @@ export function keyOf(declaration: Record<string, unknown>): string[] {
   return Array.isArray(partition_by) ? partition_by.map(String) : [];
 }
 
+type Lost = { attempts: number; first: string; key: Record<string, unknown>; matches?: number };
+
 /** What may be missing of what a rule finds, and what to do. */
-export function lossOf({ first, key }: { first: string; key: Record<string, unknown> }): string {
+export function lossOf({ attempts, first, key, matches = 0 }: Lost): string {
   const of = Object.entries(key).map(([name, value]) => `${name} ${String(value)}`);
-  return (
-    "More was under way in one key than a rule keeps. " +
-    `Events that begin at ${first} or later may be missing${of.length ? ` (first of ${of.join(", ")})` : ""}. ` +
-    "Give it a window (within), a finer partition_by, or an after_match that skips more."
-  );
+  return [
+    attempts > 0 && "More was under way in one key than a rule keeps.",
+    matches > 0 &&
+      `${matches.toLocaleString("en")} matches were found and not told, as more ended at one row.`,
+    `Events that begin at ${withClock(first)} or later may be missing${of.length ? ` (first of ${of.join(", ")})` : ""}.`,
+    attempts > 0 && "Give it a window (within), a finer partition_by, or an after_match that skips more.",
+    matches > 0 && "Say how many are wanted: after_match: no skip, at most 100000.",
+  ]
+    .filter(Boolean)
+    .join(" ");
 }

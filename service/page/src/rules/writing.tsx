@@ -1,15 +1,18 @@
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 
-import type { Problem, RuleDocument } from "../documents";
+import type { Problem, RuleCheck, RuleDocument } from "../documents";
 import type { App } from "../app";
 import { ask } from "../panel/ask";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
-import { momentText } from "../timeline/scale";
-import { addRule, changeRule, listTemplates, listVersions, readRule, readText } from "./api";
+import { momentText } from "../timeline/clock";
+import { addRule, changeRule, listVersions, readRule, readText, readWords } from "./api";
 import { useCheck, type Checked } from "./check";
+import { Diagram } from "./diagram";
 import { DryRun } from "./dry_run";
 import { Editor, FaultLine } from "./editor";
+import { Notify } from "./notify";
+import { Sentence } from "./sentence";
 import { madeBy } from "./text";
 
 /** What is written: a new rule, or a rule as it was read. */
@@ -19,23 +22,25 @@ interface WritingProps {
   app: App;
   map: string;
   subject: Subject;
+  /** Says whether something is written that was not saved. */
+  isDirty: { current: boolean };
   /** It is done, or was given up. */
   close: () => void;
 }
 
-export function Writing({ app, map, subject, close }: WritingProps) {
+export function Writing({ app, map, subject, isDirty, close }: WritingProps) {
   const { rule } = subject;
   const [text, setText] = useState(rule === null ? "" : subject.text);
   const checked = useCheck(app, map, text, rule?.id ?? null);
-  const right = checked.check?.fault === null ? checked.check : null;
+  const { value: words } = useResource((signal) => readWords(app.api, map, signal), [map]);
+  // While a text is being checked, what is drawn of the one before stays.
+  const last = useRef<RuleCheck | null>(null);
+  if (checked.check !== null || checked.problem !== null || text.trim() === "") last.current = checked.check;
+  const settled = last.current;
+  isDirty.current = text.trim() !== (rule === null ? "" : subject.text.trim());
+  useEffect(() => () => void (isDirty.current = false), []);
   const leave = async (): Promise<void> => {
-    if (text.trim() === (rule === null ? "" : subject.text.trim())) return close();
-    const chosen = await ask({
-      title: "Leave without saving?",
-      text: "What you have written is lost.",
-      choices: [{ value: "leave", label: "Leave", isDanger: true }],
-    });
-    if (chosen !== null) close();
+    if (!isDirty.current || (await mayLeave())) close();
   };
   return (
     <div class="stack">
@@ -46,17 +51,37 @@ export function Writing({ app, map, subject, close }: WritingProps) {
           Back
         </button>
       </div>
-      {rule === null ? (
-        <Templates app={app} use={setText} />
-      ) : (
-        <Versions app={app} rule={rule} use={setText} />
-      )}
-      <Editor text={text} set={setText} fault={checked.check?.fault ?? null} describedBy="rule-verdict" />
+      {rule !== null && <Versions app={app} rule={rule} use={setText} />}
+      <Sentence app={app} words={words} text={text} set={setText} check={checked.check} />
+      <h3>As text (YAML)</h3>
+      <Editor
+        text={text}
+        set={setText}
+        fault={checked.check?.fault ?? null}
+        describedBy="rule-verdict"
+        words={words}
+      />
       <Verdict text={text} checked={checked} />
-      <DryRun app={app} map={map} name={right?.name ?? "dry_run"} declaration={right?.declaration ?? null} />
+      {settled && <Diagram check={settled} />}
+      <DryRun
+        app={app}
+        map={map}
+        name={settled?.name ?? "dry_run"}
+        declaration={settled?.declaration ?? null}
+      />
       <Saving app={app} map={map} subject={subject} checked={checked} setText={setText} done={close} />
     </div>
   );
+}
+
+/** Asks whether what is written may be lost. */
+export async function mayLeave(): Promise<boolean> {
+  const chosen = await ask({
+    title: "Leave without saving?",
+    text: "What you have written is lost.",
+    choices: [{ value: "leave", label: "Leave", isDanger: true }],
+  });
+  return chosen !== null;
 }
 
 function Verdict({ text, checked: { check, problem } }: { text: string; checked: Checked }) {
@@ -64,7 +89,7 @@ function Verdict({ text, checked: { check, problem } }: { text: string; checked:
   if (text.trim() === "")
     return (
       <p id="rule-verdict" class="soft">
-        Begin with a template, or write.
+        Choose a sentence, or write.
       </p>
     );
   const fault = check?.fault ?? null;
@@ -80,36 +105,6 @@ function Verdict({ text, checked: { check, problem } }: { text: string; checked:
       )}
       {fault && <FaultLine fault={fault} text={text} />}
     </div>
-  );
-}
-
-function Templates({ app, use }: { app: App; use: (text: string) => void }) {
-  const { value, problem, reload } = useResource((signal) => listTemplates(app.api, signal), []);
-  const [chosen, setChosen] = useState("");
-  if (problem) return <ProblemNote problem={problem} retry={reload} />;
-  const template = value?.find((each) => each.name === chosen);
-  return (
-    <>
-      <label class="field">
-        <span>From a template</span>
-        <select
-          value={chosen}
-          onChange={(event) => {
-            const found = value?.find((each) => each.name === event.currentTarget.value);
-            setChosen(event.currentTarget.value);
-            if (found) use(found.text);
-          }}
-        >
-          <option value="">choose…</option>
-          {value?.map((each) => (
-            <option key={each.name} value={each.name}>
-              {each.name}
-            </option>
-          ))}
-        </select>
-      </label>
-      {template && <p class="soft">{template.sentence}</p>}
-    </>
   );
 }
 
@@ -216,6 +211,7 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
       </label>
       {problem && <ProblemNote problem={problem} />}
       <div class="row">
+        <Notify map={map} types={madeBy(right?.declaration ?? {})} />
         <button
           type="button"
           class="primary"

@@ -144,10 +144,10 @@ export class Controls {
     else if (by) this.view.drag(middleX, middleY, middleX + by[0], middleY + by[1]);
     else if (event.key === "+" || event.key === "=") this.view.zoom(KEY_ZOOM);
     else if (event.key === "-") this.view.zoom(1 / KEY_ZOOM);
-    else if (event.key === "0" || event.key === "Home") this.user.fit();
-    else return;
+    else if (event.key !== "0" && event.key !== "Home") return;
     event.preventDefault();
-    this.user.viewed();
+    if (event.key === "0" || event.key === "Home") this.user.fit();
+    else this.user.viewed();
   };
 
   private pixelOf(event: MouseEvent): { x: number; y: number } {

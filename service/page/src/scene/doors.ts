@@ -78,6 +78,7 @@ export class Doors {
   private readonly geometry = new LineSegmentsGeometry();
   private readonly positions: Float32Array;
   private readonly tints: Float32Array;
+  private readonly leaves: LineSegments2;
 
   constructor(doors: readonly Thing[], colours: Colours) {
     this.colours = colours;
@@ -87,7 +88,8 @@ export class Doors {
       if (leaf === null || door.line === null) continue;
       const [[x, y], [toX, toY]] = door.line;
       gaps.push(x, y, door.zMin_m + GAP_ABOVE_M, toX, toY, door.zMin_m + GAP_ABOVE_M);
-      this.drawn.push({ door, leaf, state: "unknown", from: 0, to: 0, changedAt_ms: -Infinity });
+      if (door.sign !== "passage")
+        this.drawn.push({ door, leaf, state: "unknown", from: 0, to: 0, changedAt_ms: -Infinity });
     }
     this.group.add(lines(gaps, GAP_PX, colours.occupancy[0]!.getHex()));
     const count = Math.max(this.drawn.length, 1);
@@ -95,14 +97,18 @@ export class Doors {
     this.tints = new Float32Array(6 * SEGMENTS * count);
     this.geometry.setPositions(this.positions);
     this.geometry.setColors(this.tints);
-    const leaves = new LineSegments2(
+    this.leaves = new LineSegments2(
       this.geometry,
       new LineMaterial({ vertexColors: true, linewidth: LEAF_PX }),
     );
-    leaves.frustumCulled = false;
-    leaves.visible = this.drawn.length > 0;
-    this.group.add(leaves);
+    this.leaves.frustumCulled = false;
+    this.group.add(this.leaves);
     this.draw(0);
+  }
+
+  /** Leaves are drawn only while it is known how they stand: even "unknown" would say something. */
+  show(isKnown: boolean): void {
+    this.leaves.visible = isKnown && this.drawn.length > 0;
   }
 
   /** Takes the states of doors; those that changed swing. */

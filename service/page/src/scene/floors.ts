@@ -22,6 +22,8 @@ const WALL_PX = 2.4;
 const WALL_OPACITY = 0.2;
 /** Walls are cut off, so that they hide little of what is behind them. */
 const CUT_M = 1.1;
+/** In place of a step of occupancy. */
+const UNREAD = -2;
 
 export class Floors {
   readonly group = new Group();
@@ -48,16 +50,16 @@ export class Floors {
     this.group.add(outlinesOf(rooms, colours));
     this.walls = wallsOf(rooms, colours);
     this.group.add(this.walls);
-    this.tint(new Map());
+    this.tint(null);
   }
 
-  /** Gives each room the colour of how many are in it. */
-  tint(occupancy: ReadonlyMap<number, number>): void {
+  /** Gives each room the colour of how many are in it; null: that is not known. */
+  tint(occupancy: ReadonlyMap<number, number> | null): void {
     for (const range of this.ranges) {
-      const step = occupancyStep(occupancy.get(range.id) ?? 0);
+      const step = occupancy === null ? UNREAD : occupancyStep(occupancy.get(range.id) ?? 0);
       if (step === range.step) continue;
       range.step = step;
-      const { r, g, b } = this.colours.occupancy[step]!;
+      const { r, g, b } = this.colours.occupancy[step] ?? this.colours["map-unread"];
       for (let i = range.start; i < range.end; i++) this.tints.setXYZ(i, r, g, b);
       this.tints.needsUpdate = true;
     }

@@ -3,6 +3,8 @@
 import type { View } from "./view";
 
 const PAD_PX = 3;
+const FEWEST_LETTERS = 3;
+const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]/;
 
 export interface LabelStyle {
   font: string;
@@ -23,6 +25,7 @@ export class Labels {
   private readonly taken: Box[] = [];
   private used = 0;
   private readonly widths = new Map<string, number>();
+  private readonly shortened = new Map<string, string | null>();
   private readonly at = { x: 0, y: 0 };
   private view: View | null = null;
 
@@ -49,7 +52,10 @@ export class Labels {
     this.used = 0;
   }
 
-  /** Writes a name at a place of the map, `below_px` further down; whether there was room for it. */
+  /**
+   * Writes a name at a place of the map, `below_px` further down, no wider than `width_px`: a longer one ends in an
+   * ellipsis. Whether there was room for it.
+   */
   write(
     text: string,
     x_m: number,
@@ -57,6 +63,7 @@ export class Labels {
     z_m: number,
     below_px: number,
     size_px: number,
+    width_px: number,
     style: LabelStyle,
   ): boolean {
     if (!this.view?.project(x_m, y_m, z_m, this.at)) return false;
@@ -64,12 +71,15 @@ export class Labels {
     const y = this.at.y + below_px;
     if (x < -80 || y < -20 || x > this.view.width_px + 80 || y > this.view.height_px + 20) return false;
     this.context.font = style.font;
-    const half = this.widthOf(text, style.font) / 2 + PAD_PX;
+    const fitted = this.fitted(text, style.font, width_px);
+    if (fitted === null) return false;
+    this.context.direction = RIGHT_TO_LEFT.test(fitted) ? "rtl" : "ltr";
+    const half = this.widthOf(fitted, style.font) / 2 + PAD_PX;
     if (!this.take(x - half, y - size_px * 0.62, x + half, y + size_px * 0.62)) return false;
     this.context.strokeStyle = style.halo;
-    this.context.strokeText(text, x, y);
+    this.context.strokeText(fitted, x, y);
     this.context.fillStyle = style.ink;
-    this.context.fillText(text, x, y);
+    this.context.fillText(fitted, x, y);
     return true;
   }
 
@@ -78,6 +88,28 @@ export class Labels {
     if (!this.view?.project(x_m, y_m, z_m, this.at)) return;
     const { x, y } = this.at;
     this.take(x - radius_px, y - radius_px, x + radius_px, y + radius_px);
+  }
+
+  /** As much of a text as a width has room for; null: not even a few letters. */
+  private fitted(text: string, font: string, width_px: number): string | null {
+    if (this.widthOf(text, font) <= width_px) return text;
+    const key = `${font}${Math.round(width_px)} ${text}`;
+    let found = this.shortened.get(key);
+    if (found === undefined) {
+      if (this.shortened.size > 5000) this.shortened.clear();
+      const letters = [...new Intl.Segmenter().segment(text)].map((each) => each.segment);
+      let [least, most] = [0, letters.length - 1];
+      this.context.font = font;
+      while (least < most) {
+        const middle = (least + most + 1) >> 1;
+        const isNarrow = this.context.measureText(`${letters.slice(0, middle).join("")}…`).width <= width_px;
+        if (isNarrow) least = middle;
+        else most = middle - 1;
+      }
+      found = least < FEWEST_LETTERS ? null : `${letters.slice(0, least).join("").trimEnd()}…`;
+      this.shortened.set(key, found);
+    }
+    return found;
   }
 
   private take(left: number, top: number, right: number, bottom: number): boolean {
@@ -94,11 +126,12 @@ export class Labels {
     return true;
   }
 
-  private widthOf(text: string, font: string): number {
+  widthOf(text: string, font: string): number {
     const key = font + text;
     let width = this.widths.get(key);
     if (width === undefined) {
       if (this.widths.size > 5000) this.widths.clear();
+      this.context.font = font;
       width = this.context.measureText(text).width;
       this.widths.set(key, width);
     }

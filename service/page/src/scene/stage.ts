@@ -7,8 +7,8 @@ import type { Place, PointerTool, Surface } from "../app";
 import type { World } from "../live/world";
 import type { Mover } from "../live/movement";
 import type { MapModel, Thing } from "../map/model";
-import type { Selection, State } from "../state";
-import { readColours, type Colours } from "./colours";
+import type { Selection, State, Way } from "../state";
+import { readColours, trackColour, type Colours } from "./colours";
 import { Controls } from "./controls";
 import { Doors } from "./doors";
 import { empty } from "./emptying";
@@ -18,11 +18,12 @@ import { isSoftware, Pace } from "./pace";
 import { People, type Look } from "./people";
 import { pick } from "./picking";
 import { lights, meshesOf, thingsInPlan } from "./things";
-import { View } from "./view";
+import { View, type Eye } from "./view";
 
 const SWITCH_MS = 650;
 const MOST_PIXEL_RATIO = 2;
 const MARK_PX = 3.5;
+const WAY_PX = 2;
 /** Above walls and below the leaves of doors. */
 const MARK_ABOVE_M = 0.018;
 const HOVER_AGAIN_MS = 120;
@@ -53,6 +54,7 @@ export class Stage implements Surface {
   private readonly backdrop = new Group();
   private readonly solid = new Group();
   private readonly marks = new Group();
+  private readonly way = new Group();
   private colours: Colours = readColours();
   private people = new People(this.colours);
   private floors: Floors | null = null;
@@ -63,6 +65,7 @@ export class Stage implements Surface {
   private plan: Group | null = null;
   private shown: readonly Thing[] = [];
   private map: MapModel | null = null;
+  private isFitted = true;
   private frame = 0;
   /** Where the pointer rests on the picture, in pixels. */
   private pointer: { x: number; y: number } | null = null;
@@ -84,9 +87,17 @@ export class Stage implements Surface {
     this.renderer.domElement.addEventListener("webglcontextrestored", () => this.draw());
     this.names = new Names(labels);
     this.look = { metresPerPixel: 0.01, mix: 0, selected: null, hovered: null, floorOf: this.floorOf };
-    this.scene.add(this.backdrop, this.ground, this.solid, this.marks, this.people.group, ...lights());
+    this.scene.add(
+      this.backdrop,
+      this.ground,
+      this.solid,
+      this.marks,
+      this.way,
+      this.people.group,
+      ...lights(),
+    );
     this.controls = new Controls(element, this.view, {
-      viewed: () => this.changed(),
+      viewed: () => this.lookAround(),
       clicked: (x, y) => this.click(x, y),
       hovered: (x, y) => {
         this.pointer = { x, y };
@@ -132,12 +143,26 @@ export class Stage implements Surface {
   fit(): void {
     if (!this.map?.bounds) return;
     this.view.show(this.map.bounds);
+    this.isFitted = !this.view.isTurned;
     this.changed();
   }
 
   zoom(factor: number): void {
     this.view.zoom(factor);
-    this.changed();
+    this.lookAround();
+  }
+
+  /** From where the map is looked at; null: so that all of it is seen. */
+  get eye(): Eye | null {
+    return this.isFitted ? null : this.view.eye;
+  }
+
+  set eye(eye: Eye | null) {
+    if (eye === null) this.fit();
+    else {
+      this.view.eye = eye;
+      this.lookAround();
+    }
   }
 
   /** Draws those who move in this world from now on. */
@@ -200,6 +225,10 @@ export class Stage implements Surface {
     });
     effect(() => this.mark(selection.value));
     effect(() => {
+      void map.value;
+      this.drawWay(this.state.way.value, storey.value);
+    });
+    effect(() => {
       void this.hover.value;
       this.draw();
     });
@@ -248,13 +277,27 @@ export class Stage implements Surface {
     this.draw();
   }
 
+  private drawWay(way: Way | null, storey: string | null): void {
+    empty(this.way);
+    const floors = new Map(this.map?.storeys.map((each) => [each.name, each.elevation_m]));
+    const segments: number[] = [];
+    for (const line of way?.lines ?? []) {
+      if (storey !== null && line.storey !== null && line.storey !== storey) continue;
+      const z = (floors.get(line.storey ?? storey ?? "") ?? this.view.floor_m) + MARK_ABOVE_M;
+      segments.push(...line.from, z, ...line.to, z);
+    }
+    if (way && segments.length > 0) this.way.add(lines(segments, WAY_PX, trackColour(way.trackId).getHex()));
+    this.draw();
+  }
+
   private readonly render = (now_ms: number): void => {
     this.frame = 0;
     let goesOn = this.switchView(now_ms);
     const isStill = this.stillness.matches;
     if (isStill) this.world.settle();
     else if (this.world.move(now_ms)) goesOn = true;
-    this.floors?.tint(this.world.occupancy);
+    this.floors?.tint(this.world.isKnown ? this.world.occupancy : null);
+    this.doors?.show(this.world.isKnown);
     this.floors?.mix(this.view.mix);
     if (this.doors && this.doorsVersion !== this.world.doorsVersion) {
       this.doors.take(this.world.doors, now_ms, isStill || this.doorsVersion === -1);
@@ -305,6 +348,11 @@ export class Stage implements Surface {
     return part < 1;
   }
 
+  private lookAround(): void {
+    this.isFitted = false;
+    this.changed();
+  }
+
   private changed(): void {
     this.viewed.value = this.viewed.peek() + 1;
     this.pointer = null;
@@ -349,6 +397,7 @@ export class Stage implements Surface {
     this.view.height_px = clientHeight;
     this.renderer.setPixelRatio(this.ratio() * this.pace.scale);
     this.renderer.setSize(clientWidth, clientHeight);
+    if (this.isFitted) this.fit();
     this.changed();
   }
 

@@ -28,10 +28,13 @@ export function thingsInPlan(things: readonly Thing[], colours: Colours): Group 
   const positions: number[] = [];
   const indices: number[] = [];
   const segments: number[] = [];
+  const tints: number[] = [];
   for (const thing of things) {
+    const { r, g, b } = colours[thing.sign === "window" ? "map-window" : "map-thing"];
     const z = thing.zMin_m + ABOVE_M;
     for (const outline of thing.outlines) {
       addFloor(outline, z, positions, indices);
+      while (tints.length < positions.length) tints.push(r, g, b);
       for (const ring of outline) addRing(ring, z + 0.002, segments);
     }
     if (thing.outlines.length === 0) {
@@ -41,9 +44,10 @@ export function thingsInPlan(things: readonly Thing[], colours: Colours): Group 
   }
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(positions), 3));
+  geometry.setAttribute("color", new BufferAttribute(new Float32Array(tints), 3));
   geometry.setIndex(indices);
   const group = new Group();
-  group.add(new Mesh(geometry, new MeshBasicMaterial({ color: colours["map-thing"], side: DoubleSide })));
+  group.add(new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide })));
   group.add(lines(segments, LINE_PX, colours["map-thing-line"].getHex()));
   return group;
 }

@@ -20,6 +20,15 @@ const MARGIN = 1.1;
 /** What lies over the lower edge of the picture. */
 const LEGEND_PX = 52;
 
+/** From where the map is looked at: the middle and the height of what is seen [m], and two angles [rad]. */
+export type Eye = readonly [
+  x_m: number,
+  y_m: number,
+  height_m: number,
+  azimuth_rad: number,
+  tilt_rad: number,
+];
+
 export class View {
   /** What is in the middle, on the floor. */
   x_m = 0;
@@ -130,6 +139,22 @@ export class View {
   orbit(dx_px: number, dy_px: number): void {
     this.azimuth_rad += (dx_px / this.height_px) * Math.PI;
     this.tilt_rad = clamp(this.tilt_rad - (dy_px / this.height_px) * Math.PI, 0.05, STEEPEST_TILT_RAD);
+  }
+
+  get isTurned(): boolean {
+    return this.azimuth_rad !== FIRST_AZIMUTH_RAD || this.tilt_rad !== FIRST_TILT_RAD;
+  }
+
+  get eye(): Eye {
+    return [this.x_m, this.y_m, this.height_m, this.azimuth_rad, this.tilt_rad];
+  }
+
+  set eye([x_m, y_m, height_m, azimuth_rad, tilt_rad]: Eye) {
+    this.x_m = x_m;
+    this.y_m = y_m;
+    this.height_m = clamp(height_m, SMALLEST_M, LARGEST_M);
+    this.azimuth_rad = azimuth_rad;
+    this.tilt_rad = clamp(tilt_rad, 0.05, STEEPEST_TILT_RAD);
   }
 
   /** Shows all of an area. */

@@ -33,6 +33,8 @@ export class History {
   loaded: Span | null = null;
   /** Whether the span has more than was read. */
   hasMore = false;
+  /** What was told since then leaves a gap: nothing is continued until it was read again. */
+  private isCut = false;
   private readonly known = new Set<string>();
   /** The stays that go on, by track and room. */
   private readonly open = new Map<number, Map<number, Stay>>();
@@ -67,6 +69,14 @@ export class History {
     this.known.clear();
     this.loaded = null;
     this.hasMore = false;
+    this.isCut = false;
+  }
+
+  /** Nothing is told for a while: it is known up to the newest that was told, and no further. */
+  cut(newest: number): void {
+    this.isCut = true;
+    if (this.loaded !== null && newest < this.loaded.to)
+      this.loaded = { from: this.loaded.from, to: Math.max(this.loaded.from, newest) };
   }
 
   /** Takes events, those that are known already once. */
@@ -84,6 +94,7 @@ export class History {
 
   /** Continues with what is told live: who is in which room, and how doors stand. */
   continueWith(told: Snapshot | Delta): void {
+    if (this.isCut) return;
     for (const track of told.tracks) {
       const at = Date.parse(track.stamp);
       this.extend(at);
@@ -141,6 +152,7 @@ export class History {
 
   /** It is known up to a moment. */
   extend(at: number): void {
+    if (this.isCut) return;
     if (this.loaded === null) this.loaded = { from: at, to: at };
     else if (at > this.loaded.to) this.loaded = { from: this.loaded.from, to: at };
   }

@@ -1,8 +1,11 @@
 /** Reads the history of the span that the timeline shows, when what is known of it does not do. */
 
+import { signal } from "@preact/signals";
+
 import type { Snapshot, TimelineDocument } from "../documents";
 import { path, type Api } from "../api";
 import type { Span, State } from "../state";
+import { problemOf, UNANSWERED } from "../unanswered";
 import type { History } from "./history";
 
 const MOST_OF_TIMELINE = 5000;
@@ -17,11 +20,15 @@ export interface HistoryUser {
   complain(error: unknown): void;
 }
 
+const RETRY_MS = 1000;
+
 export class HistoryReader {
   private readonly api: Api;
   private readonly state: State;
   private readonly history: History;
   private readonly user: HistoryUser;
+  /** What the timeline shows could not be read; as far as it is not known it is grey. */
+  readonly isUnread = signal(false);
   private reading = new AbortController();
   private timer = 0;
 
@@ -36,6 +43,7 @@ export class HistoryReader {
   stop(): void {
     clearTimeout(this.timer);
     this.reading.abort();
+    this.isUnread.value = false;
   }
 
   readSoon(): void {
@@ -55,12 +63,17 @@ export class HistoryReader {
     try {
       const document = await this.api.get<TimelineDocument>(path`/maps/${name}/timeline` + limits, signal);
       if (signal.aborted) return;
+      this.isUnread.value = false;
       this.history.take(document);
       const newest = this.state.newest.peek();
       if (newest !== null && newest >= from && newest <= to) this.history.continueWith(this.user.present());
       this.user.told();
     } catch (error) {
-      if (!signal.aborted) this.user.complain(error);
+      if (signal.aborted) return;
+      this.isUnread.value = true;
+      this.user.complain(error);
+      if (UNANSWERED.has(problemOf(error).status))
+        this.timer = window.setTimeout(() => void this.read(), RETRY_MS);
     }
   }
 

@@ -4,6 +4,7 @@ import type { EventDocument } from "../documents";
 import type { OverlayEvent } from "../app";
 import { trackColourName } from "../scene/colours";
 import type { Span } from "../state";
+import { zoneName } from "./clock";
 import { firstAt, type Happened, type Stay } from "./history";
 import { heightOf, type Row } from "./rows";
 import { pixelOf, ticksOf } from "./scale";
@@ -21,6 +22,8 @@ export interface Scenery {
   span: Span;
   rows: readonly Row[];
   scroll_px: number;
+  /** What is known; what happened before and after it was not read. */
+  loaded: Span | null;
   events: readonly Happened[];
   found: readonly OverlayEvent[];
   /** The moment that is shown, or the newest. */
@@ -53,6 +56,7 @@ interface Inks {
   moving: string;
   closed: string;
   unknown: string;
+  unread: string;
   font: string;
 }
 
@@ -94,6 +98,7 @@ export class Painter {
     this.bars = [];
     context.fillStyle = inks.surface;
     context.fillRect(0, 0, this.width_px, this.height_px);
+    this.paintUnread(scenery);
     this.paintTicks(scenery.span);
     context.save();
     context.beginPath();
@@ -143,9 +148,28 @@ export class Painter {
       context.fillStyle = tick.isDay ? inks.ink : inks.soft;
       context.fillText(tick.label, x + 4, AXIS_PX / 2);
     }
+    context.fillStyle = inks.soft;
+    context.fillText(zoneName(span.to), 10, AXIS_PX / 2);
     context.lineWidth = 1;
     context.strokeStyle = inks.line;
     line(context, 0, AXIS_PX - 0.5, this.width_px, AXIS_PX - 0.5);
+  }
+
+  /** Time of which nothing is known is grey: left white, it would look as if nothing had happened. */
+  private paintUnread({ span, loaded }: Scenery): void {
+    const newest = Math.min(span.to, this.newest(span));
+    const parts: [number, number][] = loaded
+      ? [
+          [span.from, Math.min(loaded.from, newest)],
+          [Math.max(loaded.to, span.from), newest],
+        ]
+      : [[span.from, newest]];
+    this.context.fillStyle = this.inks.unread;
+    for (const [from, to] of parts) {
+      const left = Math.max(LABELS_PX, this.x(span, from));
+      const width = this.x(span, to) - left;
+      if (width > 0) this.context.fillRect(left, AXIS_PX, width, this.height_px - AXIS_PX);
+    }
   }
 
   private paintRow(row: Row, top: number, { span }: Scenery): void {
@@ -381,6 +405,7 @@ function readInks(): Inks {
     moving: of("door-moving"),
     closed: of("door-closed"),
     unknown: of("door-unknown"),
+    unread: of("map-unread"),
     font: getComputedStyle(document.body).fontFamily,
   };
 }

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 
-import { durationText, following, momentAt, panned, pixelOf, ticksOf, zoomed } from "./scale";
+import { durationText } from "./clock";
+import { following, momentAt, panned, pixelOf, ticksOf, zoomed } from "./scale";
 
 const SPAN = { from: 1_000_000, to: 1_100_000 };
 

@@ -1,6 +1,7 @@
 /** The scale of the timeline: from moments, in milliseconds since 1970, to pixels. Pure. */
 
 import type { Span } from "../state";
+import { dateText, offsetOf, timeText } from "./clock";
 
 const SHORTEST_MS = 2_000;
 const LONGEST_MS = 400 * 86_400_000;
@@ -74,11 +75,11 @@ export interface Tick {
   isDay: boolean;
 }
 
-/** Where times are written, in the time zone of this machine. */
+/** Where times are written, by the clock that is chosen. */
 export function ticksOf(span: Span, width_px: number): Tick[] {
   const perPixel = (span.to - span.from) / Math.max(width_px, 1);
   const step = STEPS.find((each) => each / perPixel >= LEAST_BETWEEN_TICKS_PX) ?? STEPS[STEPS.length - 1]!;
-  const offset = new Date(span.from).getTimezoneOffset() * MIN;
+  const offset = -offsetOf(span.from);
   const ticks: Tick[] = [];
   for (let local = Math.ceil((span.from - offset) / step) * step; local + offset <= span.to; local += step) {
     const moment = local + offset;
@@ -86,38 +87,6 @@ export function ticksOf(span: Span, width_px: number): Tick[] {
     ticks.push({ moment, isDay, label: isDay ? dateText(moment) : timeText(moment, step) });
   }
   return ticks;
-}
-
-/** A moment as people say it: date and time with tenths of a second. */
-export function momentText(moment: number): string {
-  return `${dateText(moment)} ${timeText(moment, 100)}`;
-}
-
-function dateText(moment: number): string {
-  const date = new Date(moment);
-  return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
-}
-
-/** The time of day, as exactly as steps of this length need. */
-export function timeText(moment: number, step_ms: number): string {
-  const date = new Date(moment);
-  let text = `${two(date.getHours())}:${two(date.getMinutes())}`;
-  if (step_ms < MIN) text += `:${two(date.getSeconds())}`;
-  if (step_ms < S) text += `.${Math.floor(date.getMilliseconds() / 100)}`;
-  return text;
-}
-
-/** A length of time in words as short as it may be: 4.2 s, 3 min 05 s, 2 h 10 min, 3 d. */
-export function durationText(length_ms: number): string {
-  const seconds = length_ms / S;
-  if (seconds < 60) return `${seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)} s`;
-  if (length_ms < H) return `${Math.floor(seconds / 60)} min ${two(Math.floor(seconds % 60))} s`;
-  if (length_ms < D) return `${Math.floor(length_ms / H)} h ${two(Math.floor((length_ms % H) / MIN))} min`;
-  return `${Math.floor(length_ms / D)} d`;
-}
-
-function two(value: number): string {
-  return String(value).padStart(2, "0");
 }
 
 function clamp(value: number, least: number, most: number): number {

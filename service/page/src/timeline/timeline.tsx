@@ -3,17 +3,18 @@
 import { effect, signal } from "@preact/signals";
 import { render } from "preact";
 
-import type { App, OverlayEvent, TimelineView } from "../app";
-import { openEvent } from "../details/events";
+import type { App, OverlayEvent } from "../app";
+import { openEvent } from "../events/open";
 import type { MapModel } from "../map/model";
 import type { Showing } from "../showing";
 import type { State } from "../state";
 import { theme } from "../chrome/theme";
+import { zone } from "./clock";
 import { firstAt } from "./history";
 import { AXIS_PX, LABELS_PX, Painter, type Target } from "./painter";
 import { heightOf, rowsOf, type Row } from "./rows";
 import { momentAt, panned, pixelOf, zoomed } from "./scale";
-import { Tools } from "./tools";
+import { Tools, type TimelineTools } from "./tools";
 
 const CLICK_PX = 5;
 const WHEEL_ZOOM = 0.0018;
@@ -21,7 +22,7 @@ const KEY_PART = 1 / 100;
 const KEY_ZOOM = 1.3;
 const HANDLE_PX = 10;
 
-export class Timeline implements TimelineView {
+export class Timeline implements TimelineTools {
   readonly found = signal<{ events: readonly OverlayEvent[]; title: string }>({ events: [], title: "" });
   readonly hover = signal<{ target: Target; x: number; y: number } | null>(null);
   readonly speed = signal<number>(1);
@@ -55,6 +56,10 @@ export class Timeline implements TimelineView {
     this.state.span.value = { from, to };
   }
 
+  get map(): MapModel | null {
+    return this.state.map.value;
+  }
+
   mount(element: HTMLElement, app: App): void {
     this.app = app;
     render(<Tools app={app} showing={this.showing} timeline={this} />, element);
@@ -67,7 +72,7 @@ export class Timeline implements TimelineView {
     }).observe(box);
     this.listen(canvas);
     effect(() => {
-      void theme.value;
+      void [theme.value, zone.value];
       this.painter?.recolour();
       this.draw();
     });
@@ -119,6 +124,7 @@ export class Timeline implements TimelineView {
       span: span.peek(),
       rows: this.rows,
       scroll_px: this.scroll_px,
+      loaded: this.showing.history.loaded,
       events: this.showing.history.events,
       found: this.found.peek().events,
       at: at.peek() ?? newest.peek(),

@@ -1,17 +1,33 @@
 /** The elements of the timeline. */
 
-import type { App } from "../app";
+import type { ReadonlySignal, Signal } from "@preact/signals";
+
+import type { App, OverlayEvent, TimelineView } from "../app";
 import { Icon } from "../chrome/icons";
+import type { MapModel } from "../map/model";
 import type { Showing } from "../showing";
 import { Divider } from "./divider";
-import { LABELS_PX } from "./painter";
-import { durationText, momentText } from "./scale";
-import type { Timeline } from "./timeline";
+import { LABELS_PX, type Target } from "./painter";
+import { durationText, momentText, switchZone, zone } from "./clock";
+import { sentenceOf } from "../words";
 
 const SPEEDS = [1, 2, 4, 8] as const;
 
+/** What the buttons do to the timeline, and what they show of it. */
+export interface TimelineTools extends TimelineView {
+  readonly map: MapModel | null;
+  readonly found: ReadonlySignal<{ events: readonly OverlayEvent[]; title: string }>;
+  readonly hover: ReadonlySignal<{ target: Target; x: number; y: number } | null>;
+  readonly speed: Signal<number>;
+  /** Goes to the event before or after the moment that is shown. */
+  step(direction: 1 | -1): void;
+  zoom(factor: number): void;
+  /** Shows all that is known to have happened. */
+  fit(): Promise<void>;
+}
+
 /** The buttons above the rows, the canvas and what is under the pointer there. */
-export function Tools({ app, showing, timeline }: { app: App; showing: Showing; timeline: Timeline }) {
+export function Tools({ app, showing, timeline }: { app: App; showing: Showing; timeline: TimelineTools }) {
   const { state } = app;
   const playing = showing.playing.value;
   const at = state.at.value;
@@ -65,9 +81,17 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
             </option>
           ))}
         </select>
-        <output class="number" id="shown-moment">
+        <output class="number moment" id="shown-moment">
           {shown === null ? "nothing has happened yet" : momentText(shown)}
         </output>
+        <button
+          id="zone"
+          aria-pressed={zone.value === "utc"}
+          title="Times in UTC, or by the clock of this machine"
+          onClick={switchZone}
+        >
+          UTC
+        </button>
         {at !== null && (
           <button class="primary" id="go-live" onClick={() => app.moveTo(null)} title="Back to live (L)">
             Live
@@ -78,6 +102,11 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
           <button class="chip found" title="Remove from the timeline" onClick={() => timeline.overlay([])}>
             ◇ {timeline.found.value.title} ({timeline.found.value.events.length}) ✕
           </button>
+        )}
+        {showing.isHistoryUnread.value && (
+          <span class="soft" role="status" id="unread-time">
+            grey: not read yet
+          </span>
         )}
         {showing.history.hasMore && <span class="soft">more than is shown: zoom in</span>}
         <span class="soft number span-length">{durationText(to - from)}</span>
@@ -110,7 +139,7 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
   );
 }
 
-function Hovered({ timeline }: { timeline: Timeline }) {
+function Hovered({ timeline }: { timeline: TimelineTools }) {
   const hover = timeline.hover.value;
   if (!hover) return null;
   const { target, x, y } = hover;
@@ -132,8 +161,7 @@ function Hovered({ timeline }: { timeline: Timeline }) {
         </>
       ) : (
         <>
-          <b>{target.event.type}</b> {target.event.track?.name}{" "}
-          <span class="soft">{target.event.instance?.name}</span>
+          <b>{sentenceOf(target.event, timeline.map)}</b>
           {target.kind === "event" && target.count > 1 && (
             <span class="soft"> and {target.count - 1} more</span>
           )}

@@ -1,0 +1,34 @@
+import { useState } from "preact/hooks";
+
+import { isWanted, notifyOf } from "../chrome/notifying";
+
+interface NotifyProps {
+  map: string;
+  types: readonly string[];
+  /** Of the rule, where several are listed. */
+  name?: string;
+}
+
+/** Whether this browser notifies of a rule's events. */
+export function Notify({ map, types, name }: NotifyProps) {
+  const [why, setWhy] = useState<string | null>(null);
+  const isOn = isWanted(map, types);
+  return (
+    <>
+      <button
+        type="button"
+        aria-pressed={isOn}
+        aria-label={name && `Notify me of ${name}`}
+        disabled={types.length === 0}
+        onClick={() => void notifyOf(map, types, !isOn).then(setWhy)}
+      >
+        {name === undefined ? "Notify me in this browser" : "Notify me"}
+      </button>
+      {why && (
+        <p class="note warn" role="alert">
+          {why}
+        </p>
+      )}
+    </>
+  );
+}
