@@ -19,11 +19,13 @@ from pathlib import Path
 
 from bench import (
     abstractions,
+    amendments,
     calls,
     certainty,
     edits,
     feed,
     growth,
+    image_tracking,
     imports,
     latency,
     looking_back,
@@ -39,7 +41,9 @@ from bench import (
     small_batches,
     solid,
     throughput,
+    windows,
 )
+from bench.bridges import foxglove, kafka_in, mqtt, ros2, sockets
 from bench.figure import Rows, as_json, joined
 from semap.cluster import Cluster, lease
 from semap.store.operate.schema import migrate
@@ -85,11 +89,40 @@ BENCHMARKS = {
         "cpu_ms at most 20, writer_cpu_ms and correction_cpu_ms together at most 10",
         pairs.measure,
     ),
+    "amendments": Benchmark(
+        "a query that follows amendments: batches, amendments and what comes after them",
+        "batch_cpu_ms at most 1 more than without; an amendment at most 100, a further batch at most 30",
+        amendments.measure,
+    ),
     "latency": Benchmark(
         f"{latency.ROUNDS} rounds of {latency.ROUND_S:.0f} s through the triggers, the log, the worker and"
         " the service, at three rates",
-        "p50_ms at most 5 and p99_ms at most 20 at 1,000 states/s",
+        "p50_ms at most 5 and p99_ms at most 10 at 1,000 states/s",
         latency.measure,
+    ),
+    "bridges": Benchmark(
+        f"{sockets.ROUNDS} rounds of {sockets.ROUND_S:.0f} s at 15 Hz through one socket, then as fast as it"
+        " goes",
+        "p50_ms at most 15; 1,000 tracks at 15 Hz: late_p99_ms small",
+        sockets.measure,
+    ),
+    "ros2": Benchmark(
+        f"{len(ros2.SEEDS)} courses of the office as topics of ROS 2, to the doors' events at a client",
+        "p50_ms at most 40, p99_ms at most 80",
+        ros2.measure,
+        "about four minutes",
+    ),
+    "foxglove": Benchmark(
+        f"{foxglove.ROUNDS} rounds of {foxglove.ROUND_S:.0f} s: {foxglove.TRACKS} tracks at 15 Hz, shown",
+        "percent_of_a_core at most 5",
+        foxglove.measure,
+    ),
+    "kafka_in": Benchmark(
+        f"{kafka_in.ROUNDS} rounds of {kafka_in.FRAMES * kafka_in.TRACKS:,} states from a topic of Kafka, and"
+        " the same by COPY, both through the triggers",
+        "ratio at least 0.8",
+        kafka_in.measure,
+        "about three minutes, and needs ./dev kafka",
     ),
     "shapes": Benchmark(
         f"{shapes.ROUNDS} rounds of {shapes.BATCHES} batches: plain rooms, {shapes.CORNERS:,} corners each,"
@@ -155,8 +188,19 @@ BENCHMARKS = {
         "semap's rate at least Flink's, the same matches, memory flat",
         lambda _: rules.measure(),
     ),
+    "windows": Benchmark(
+        f"{windows.ROUNDS} rounds of {windows.ROWS:,} rows in windows of 1 to 1,000 s, in the engine",
+        "rows/s in all windows within 2 times (relaxed: 3), the count right; (A+)+ B at most 0.1 s",
+        lambda _: windows.measure(),
+    ),
     "recording": Benchmark(
         "scans read from disk as values", "at least 20,000 scans/s", lambda _: recording.measure()
+    ),
+    "mqtt": Benchmark(
+        f"{mqtt.ROUNDS} rounds of {mqtt.ROUND_S:.0f} s from a position by MQTT to its event at a client",
+        "p50_ms at most 15",
+        mqtt.measure,
+        "about two minutes, and needs mosquitto",
     ),
     "page": Benchmark(
         f"the page in Chromium, drawn by software, with {page.TRACKS} moving tracks and"
@@ -169,7 +213,7 @@ BENCHMARKS = {
 }
 
 
-def benchmarks(extent: office.Extent, sizes: growth.Extent) -> dict[str, Benchmark]:
+def benchmarks(extent: office.Extent, sizes: growth.Extent, mot: Path | None = None) -> dict[str, Benchmark]:
     """All of them, by name."""
     return (
         BENCHMARKS
@@ -180,7 +224,13 @@ def benchmarks(extent: office.Extent, sizes: growth.Extent) -> dict[str, Benchma
                 f"times_the_first at most {growth.GOAL}",
                 lambda dsn: growth.measure(dsn, sizes),
                 "about half an hour, and 15 GB of disk",
-            )
+            ),
+            "image_tracking": Benchmark(
+                f"boxes of {len(image_tracking.SEEDS)} seeds and of --mot, by semap, SORT and ByteTrack",
+                "mota, idf1 and hota above SORT's and at least ByteTrack's",
+                lambda _: image_tracking.measure(mot),
+                "about three minutes",
+            ),
         }
         | {
             f"office_{name}": Benchmark(
@@ -195,7 +245,7 @@ def benchmarks(extent: office.Extent, sizes: growth.Extent) -> dict[str, Benchma
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure on a server of the run's own, with semap's own settings."""
     read = _read(arguments)
-    known = benchmarks(office.Extent(read.seeds, read.plays), _sizes(read.stored, quick=read.quick))
+    known = benchmarks(office.Extent(read.seeds, read.plays), _sizes(read.stored, quick=read.quick), read.mot)
     results: dict[str, object] = {
         "measured_at": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {
@@ -242,7 +292,7 @@ def _sizes(stored: int, *, quick: bool) -> growth.Extent:
 
 
 def _read(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """names, none of them unknown; seeds; plays; rounds; quick; stored"""
+    """names, none of them unknown; seeds; plays; rounds; quick; stored; mot"""
     known = benchmarks(office.Extent(1, 1), growth.Extent())
     listed = [f"  {name:<18} {each.begins}{_cost(each)}" for name, each in known.items()]
     parser = argparse.ArgumentParser(
@@ -265,6 +315,10 @@ def _read(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--stored", type=_count, default=50, metavar="MILLION", help="growth: states (default: %(default)s)"
     )
+    parser.add_argument(
+        "--mot", type=_folder, metavar="FOLDER",
+        help="for image_tracking: sequences of the MOTChallenge too (NAME/gt/gt.txt, NAME/det/det.txt)",
+    )  # fmt: skip
     read = parser.parse_args(arguments)
     unknown = set(read.names) - {*known, "office"}
     if unknown:
@@ -287,6 +341,12 @@ def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
     return int(text)
+
+
+def _folder(text: str) -> Path:
+    if not any(Path(text).glob("*/gt/gt.txt")):
+        raise argparse.ArgumentTypeError(f"{text!r} holds no SEQUENCE/gt/gt.txt")
+    return Path(text)
 
 
 def _table(rows: Rows) -> None:

@@ -20,7 +20,7 @@ from threading import Thread
 import numpy as np
 import psycopg
 import shapely
-from semap_ingest.replay import COPY_STATES
+from semap_ingest.state_copy import COPY_STATES
 from shapely.affinity import translate
 
 from bench.crowd import RATE_HZ, Floor, batches, build_map, walk
@@ -38,7 +38,7 @@ FIRST = "2026-01-04T00:00:00Z"
 
 DIFFERENCES = """
     with present as (
-      select track_id, instance_id from semap.relation
+      select track_id, instance_id from semap.relation where confirmed
     ), wanted as (
       select t.track_id, w.instance_id
       from semap.region_wanted w join semap.track_now t using (map_id)

@@ -182,7 +182,7 @@ def _numbers(connection: psycopg.Connection) -> tuple[int, int]:
 @contextmanager
 def _watched(pid: int, memory: Memory) -> Iterator[None]:
     stop = Signal()
-    begun_s = _cpu_s(pid)
+    begun_s = cpu_s(pid)
 
     def look() -> None:
         while not stop.wait(SAMPLE_S):
@@ -190,7 +190,7 @@ def _watched(pid: int, memory: Memory) -> Iterator[None]:
             read = {line.partition(":")[0]: line.partition(":")[2] for line in status.splitlines()}
             memory.rss_mb.append(int(read["VmRSS"].split()[0]) / 1024)
             memory.peak_mb = int(read["VmHWM"].split()[0]) / 1024
-            memory.cpu_s = _cpu_s(pid) - begun_s
+            memory.cpu_s = cpu_s(pid) - begun_s
 
     watching = Thread(target=look)
     watching.start()
@@ -201,7 +201,7 @@ def _watched(pid: int, memory: Memory) -> Iterator[None]:
         watching.join()
 
 
-def _cpu_s(pid: int) -> float:
+def cpu_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

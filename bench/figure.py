@@ -75,10 +75,14 @@ def as_json(rows: Rows) -> Rows:
 
 
 def percentiles(rounds: Sequence[Sequence[float]], digits: int = 2) -> dict[str, Figure]:
-    """Of times [ms] in some rounds: the median, what one in a hundred exceeds, and the longest."""
+    """Of times [ms] in some rounds: the median, what one in a hundred exceeds, and the longest.
+
+    Rounds without any are left out.
+    """
     shares = {"p50_ms": 50, "p99_ms": 99, "max_ms": 100}
     return {
-        title: figure((np.percentile(times, of) for times in rounds), digits) for title, of in shares.items()
+        title: figure((np.percentile(times, of) for times in rounds if len(times)), digits)
+        for title, of in shares.items()
     }
 
 

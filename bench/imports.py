@@ -57,6 +57,12 @@ def wrong_files() -> dict[str, str]:
         "a text": repeated("Lorem ipsum dolor sit amet\n"),
         "a map with a wrong key at its end": f"{rooms}  last: {{hieght_m: 2.5}}\n",
         "a map with a wrong value at its end": f"{rooms}  last: {{uid: none}}\n",
+        "a map with an outline at its end that crosses itself": (
+            f"{rooms}  last: {{footprint: [[0, 0], [4, 3], [4, 0], [0, 3]]}}\n"
+        ),
+        "a map with a door at its end to a room that is not there": (
+            f"{rooms}doors: {{last: {{between: [room 1, nowhere]}}}}\n"
+        ),
     }
 
 

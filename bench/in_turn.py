@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import copy_rows, pack_states
+from semap_ingest.state_copy import COPY_STATES, copy_rows, pack_states
 
 from bench.crowd import frame_stamps
 from bench.figure import Rows, figure

@@ -95,9 +95,9 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
     with Supervisor(dsn) as supervisor:
         supervisor.start("work")
         supervisor.start("serve", "--port", str(port), "--without-tokens")
-        _await_service(port)
+        await_service(port)
         sent = Sent()
-        received = asyncio.run(_listen(port, name, lambda: _writers(dsn, sources, sent)))
+        received = asyncio.run(listen(port, name, lambda: _writers(dsn, sources, sent)))
     with connect(dsn) as connection:
         (logged,) = connection.execute(
             "select count(*) from semap.event join semap.map m using (map_id) where m.name = %s", [name]
@@ -105,7 +105,7 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
     delays_ms: list[list[float]] = [[] for _ in range(rounds + 1)]
     for stamp_us, at_s in received:
         delays_ms[_round(stamp_us, round_s, rounds)].append((at_s - sent.begun_s[stamp_us]) * 1e3)
-    late_ms, commit_ms = (_by_round(each, round_s, rounds) for each in (sent.late_ms, sent.commit_ms))
+    late_ms, commit_ms = (by_round(each, round_s, rounds) for each in (sent.late_ms, sent.commit_ms))
     commits = percentiles(commit_ms[1:])
     return {
         "states_per_s": round(sum(len(each.track_ids) for each in sources) * RATE_HZ),
@@ -120,7 +120,7 @@ def _measure(dsn: str, states_per_s: int, round_s: float, rounds: int) -> dict[s
     }
 
 
-def _by_round(values: Mapping[int, float], round_s: float, rounds: int) -> list[list[float]]:
+def by_round(values: Mapping[int, float], round_s: float, rounds: int) -> list[list[float]]:
     found: list[list[float]] = [[] for _ in range(rounds + 1)]
     for stamp_us, value in values.items():
         found[_round(stamp_us, round_s, rounds)].append(value)
@@ -146,7 +146,7 @@ def _sources(connection: psycopg.Connection, name: str, states_per_s: int, frame
     ]
 
 
-def _await_service(port: int) -> None:
+def await_service(port: int) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
         try:
@@ -182,7 +182,7 @@ def _write(dsn: str, source: Source, started_s: float, sent: Sent) -> None:
                 sent.commit_ms[stamp_us] = 1e3 * (time.monotonic() - done_s)
 
 
-async def _listen(port: int, name: str, write: Callable[[], list[Thread]]) -> list[tuple[int, float]]:
+async def listen(port: int, name: str, write: Callable[[], list[Thread]]) -> list[tuple[int, float]]:
     """Stamp [us] and time of arrival [s, monotonic] of every event until the writers are done."""
     received: list[tuple[int, float]] = []
     async with websockets.connect(

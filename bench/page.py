@@ -24,6 +24,7 @@ from semap_service.processes.supervisor import Supervisor
 
 from bench.crowd import Floor, build_map, walk
 from bench.figure import once
+from bench.latency import await_service
 from semap.store.database.connection import connect
 
 TRACKS = 50
@@ -63,7 +64,7 @@ def measure(dsn: str) -> list[dict[str, object]]:
     url = f"http://127.0.0.1:{port}"
     with Supervisor(dsn) as supervisor:
         supervisor.start("serve", "--port", str(port), "--without-tokens")
-        _await_service(url)
+        await_service(port)
         _furnish(url)
         done = Signal()
         walking = Thread(target=_move, args=(dsn, track_ids, done))
@@ -152,14 +153,3 @@ def _move(dsn: str, track_ids: NDArray[np.int64], done: Signal) -> None:
             connection.execute(statement, [track_ids.tolist(), frame[:, 0].tolist(), frame[:, 1].tolist()])
             if done.wait(max(0.0, 1 / STATES_PER_S - (time.monotonic() - begun_s))):
                 return
-
-
-def _await_service(url: str) -> None:
-    until_s = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            httpx.get(f"{url}/health", timeout=5).raise_for_status()
-            return
-        except httpx.HTTPError:
-            assert time.monotonic() < until_s, "the service does not answer"
-            time.sleep(0.1)

@@ -13,15 +13,13 @@ from contextlib import closing
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import copy_rows
+from semap_ingest.state_copy import COPY_STATES, copy_rows
 
 from bench.crowd import Floor, batches, build_map, frame_stamps, walk
 from bench.figure import Rows, figure
 from bench.small_batches import cpu_ms
 from bench.throughput import FIRST_US, FLOOR
 from semap.store.database.connection import connect
-from semap.store.motion.correction import correct_some
 from semap.timeline.stamp import to_datetime
 from semap.worker.correcting import correcting
 
@@ -37,6 +35,7 @@ NEAR = (
     " values (%s, 'near', 'within_distance', 'track', 'track', %s)"
 )
 LATE_BY_US = 300_000
+CORRECT = "select semap.correct_some()"
 LATE = "insert into semap.track_state (track_id, stamp, x_m, y_m, z_m) values (%s, %s, %s, %s, 1)"
 
 
@@ -52,11 +51,11 @@ def _crowd(dsn: str) -> dict[str, object]:
         with closing(connect(dsn)) as connection:
             ids = _map(connection, f"crowd {asked}", FLOOR, TRACKS, asked)
             for batch in batches(ids, places, FIRST_US):
-                found.append(_sent(connection, batch)[0])
+                found.append(sent(connection, batch)[0])
     return {
         "what": f"a batch of {TRACKS:,} walking tracks",
-        "cpu_ms": _rounds(cpu[True]),
-        "cpu_ms_without_query": _rounds(cpu[False]),
+        "cpu_ms": rounds(cpu[True]),
+        "cpu_ms_without_query": rounds(cpu[False]),
     }
 
 
@@ -67,7 +66,7 @@ def _late(dsn: str, tracks: int, floor: Floor) -> dict[str, object]:
     with closing(connect(dsn)) as connection:
         ids = _map(connection, f"late {tracks}", floor, tracks, True)
         places = walk(floor, tracks, count, 0.0)
-        sent, stamps_us = batches(ids, places, FIRST_US), frame_stamps(count, FIRST_US)
+        frames, stamps_us = batches(ids, places, FIRST_US), frame_stamps(count, FIRST_US)
 
         def come_late(number: int) -> None:
             track = number % tracks
@@ -75,25 +74,25 @@ def _late(dsn: str, tracks: int, floor: Floor) -> dict[str, object]:
             stamp_us = int(stamps_us[number]) - LATE_BY_US - number
             connection.execute(LATE, [int(ids[track]), to_datetime(stamp_us), float(x_m) + 0.3, float(y_m)])
 
-        for number, batch in enumerate(sent[: 2 * BATCHES]):
-            wall[False].append(_sent(connection, batch)[1])
+        for number, batch in enumerate(frames[: 2 * BATCHES]):
+            wall[False].append(sent(connection, batch)[1])
             if number >= WARM_UP and number % LATE_EACH == 0:
                 before = cpu_ms(connection)
                 come_late(number)
                 between = cpu_ms(connection)
-                while correct_some(connection):
+                while connection.execute(CORRECT).fetchone() != (0,):
                     pass
                 writer.append(between - before)
                 correction.append(cpu_ms(connection) - between)
         with correcting(dsn):
-            for number, batch in enumerate(sent[2 * BATCHES :], 2 * BATCHES):
-                wall[True].append(_sent(connection, batch)[1])
+            for number, batch in enumerate(frames[2 * BATCHES :], 2 * BATCHES):
+                wall[True].append(sent(connection, batch)[1])
                 if number % LATE_EACH == 0:
                     come_late(number)
     return {
         "what": f"a late state among {tracks} tracks",
-        "writer_cpu_ms": _rounds(writer, 0),
-        "correction_cpu_ms": _rounds(correction, 0),
+        "writer_cpu_ms": rounds(writer, 0),
+        "correction_cpu_ms": rounds(correction, 0),
         "batch_p99_ms": figure([float(np.percentile(wall[False], 99))], 1),
         "batch_p99_ms_beside_corrections": figure([float(np.percentile(wall[True], 99))], 1),
     }
@@ -110,7 +109,7 @@ def _map(
     return ids
 
 
-def _sent(connection: psycopg.Connection, batch: object) -> tuple[float, float]:
+def sent(connection: psycopg.Connection, batch: object) -> tuple[float, float]:
     """Processor time of the server and time of a batch [ms]."""
     before_ms, started_s = cpu_ms(connection), time.perf_counter()
     with connection.cursor() as cursor:
@@ -119,5 +118,5 @@ def _sent(connection: psycopg.Connection, batch: object) -> tuple[float, float]:
     return cpu_ms(connection) - before_ms, took_ms
 
 
-def _rounds(measured: list[float], skipped: int = WARM_UP) -> object:
+def rounds(measured: list[float], skipped: int = WARM_UP) -> object:
     return figure((float(np.median(part)) for part in np.array_split(measured[skipped:], ROUNDS)), 1)

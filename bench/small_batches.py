@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 import psycopg
 from numpy.typing import NDArray
-from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import copy_rows
+from semap_ingest.state_copy import COPY_STATES, copy_rows
 from semap_ingest.track_batch import send_batch
 
 from bench.crowd import RATE_HZ, batches, build_map, framed, source_of, walk

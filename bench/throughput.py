@@ -15,8 +15,7 @@ from typing import Any
 
 import psycopg
 from psycopg.sql import SQL, Identifier
-from semap_ingest.replay import COPY_STATES
-from semap_ingest.state_copy import COLUMNS, copy_rows
+from semap_ingest.state_copy import COLUMNS, COPY_STATES, copy_rows
 from semap_ingest.track_batch import send_batch
 
 from bench.crowd import Floor, batches, build_map, framed, source_of, walk

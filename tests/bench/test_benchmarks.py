@@ -10,6 +10,7 @@ import shapely
 
 from bench import __main__ as bench
 from bench import edits, growth, imports, latency, shapes, throughput
+from bench.bridges import foxglove
 from bench.copies import copied
 from bench.crowd import Floor, build_map
 from bench.figure import Figure, Rows, as_json, figure, joined, once, percentiles
@@ -190,3 +191,11 @@ def test_the_building_of_the_import_is_brought_in_with_its_doors(database: str) 
     assert joined_rooms == [
         (f"door {x}-{y}", [f"room {x}-{y}", f"room {x + 1}-{y}"]) for x in range(2) for y in range(2)
     ]
+
+
+def test_people_that_walk_are_shown_and_the_bridge_is_watched(database: str) -> None:
+    (row,) = foxglove.measure(database, round_s=1.0, rounds=1)
+    (shown,) = _figures([row], "scenes_per_s")
+    assert shown.median > 0
+    (percent,) = _figures([row], "percent_of_a_core")
+    assert percent.rounds[0] >= 0

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import shutil
+import socket
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from bridge.mosquitto import needs_mosquitto
 from transcript import Session, blocks
 
 CHECKOUT = Path(__file__).parents[2]
 
 
-OTHERS = ("index", "tutorial", "client")
+OTHERS = ("index", "tutorial", "client", "bridges")
 PAGES = (
     "README.md",
     "docs/tutorial.md",
     "docs/client.md",
+    "docs/bridges.md",
+    "docs/bridges/bacnet.md",
+    "docs/bridges/foxglove.md",
     "docs/how-to/own-building.md",
     "docs/how-to/own-tracker.md",
     "docs/how-to/tokens.md",
     "docs/how-to/write-a-map.md",
 )
+SLOW = ("docs/how-to/recording.md", "docs/how-to/ros2-robot.md")
+WITH_BROKERS = ("docs/how-to/kafka.md", "docs/bridges/nats.md")
+"""See test_broker_pages."""
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -31,17 +40,44 @@ def test_a_page_is_true(reader: Session, page: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_about_recordings_is_true(reader: Session) -> None:
-    reader.follow(CHECKOUT / "docs/how-to/recording.md")
+@pytest.mark.parametrize("page", SLOW)
+def test_a_page_about_recordings_is_true(reader: Session, page: str) -> None:
+    reader.follow(CHECKOUT / page)
+
+
+@needs_mosquitto
+@pytest.mark.skipif(
+    shutil.which("mosquitto_pub") is None,
+    reason="there is no mosquitto_pub: apt-get install mosquitto-clients",
+)
+def test_the_page_about_a_house_is_true(reader: Session, tmp_path: Path) -> None:
+    programs = f"{reader.environment['PATH']}:/usr/sbin:/usr/local/sbin"
+    reader.environment = {**reader.environment, "PATH": programs}
+    page = (CHECKOUT / "docs/how-to/my-house.md").read_text()
+    (tmp_path / "my-house.md").write_text(page.replace("1883", str(_port_of_four_digits())))
+    reader.follow(tmp_path / "my-house.md")
+
+
+def _port_of_four_digits() -> int:
+    """So that tables are as wide as the page shows them."""
+    for port in range(8100, 10_000):
+        with suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            return port
+    raise AssertionError("no port is free")
 
 
 def test_every_page_for_beginners_that_shows_commands_is_followed() -> None:
     """Those about one part of semap are held true by the tests of that part."""
     docs = CHECKOUT / "docs"
-    pages = [CHECKOUT / "README.md", *docs.glob("how-to/*.md"), *(docs / f"{name}.md" for name in OTHERS)]
+    pages = [
+        CHECKOUT / "README.md",
+        *docs.glob("how-to/*.md"),
+        *docs.glob("bridges/*.md"),
+        *(docs / f"{name}.md" for name in OTHERS),
+    ]
     shown = {
         str(page.relative_to(CHECKOUT))
         for page in pages
         if any(block.kind in ("console", "pycon") for block in blocks(page.read_text()))
     }
-    assert shown == {*PAGES, "docs/how-to/recording.md"}
+    assert shown == {*PAGES, *SLOW, *WITH_BROKERS, "docs/how-to/my-house.md"}

@@ -34,8 +34,11 @@ PATIENCE_S = 30.0
 FENCE = re.compile(
     r"^(?P<indent> *)```(?P<kind>\w+)(?P<info>[^\n]*)\n(?P<body>.*?)^(?P=indent)```", re.M | re.S
 )
+PROGRESS = re.compile(r"^[\d,]+ of [\d,]+ .*\(\d+ %\)\n", re.MULTILINE)
 TITLE = re.compile(r'title="([^"]+)"')
-READS = re.compile(r"semap (events|query now|query list|door list|track list|job|doctor)|curl -s[^d]* 'http")
+READS = re.compile(
+    r"semap (events|query now|query list|door list|track list|job|doctor)|curl -s[^d]* 'http|mosquitto_sub"
+)
 PORT = "8000"
 UP = "semap up"
 
@@ -86,7 +89,8 @@ def commands(block: Block) -> Iterator[Command]:
 
 
 def matches(shown: str, printed: str) -> bool:
-    """Whether what is shown of an output is true of it, but for spaces at the ends of lines."""
+    """Whether what is shown of an output is true of it, but for spaces at the ends of lines and how far long work was."""
+    printed = PROGRESS.sub("", printed)
     wanted = [line.rstrip() for line in shown.strip("\n").splitlines()]
     parts = []
     for line in wanted:

@@ -70,13 +70,14 @@ def test_the_wheel_holds_the_schema(wheel: Path) -> None:
     assert state
     assert behaviour | state <= held
     tops = {name.split("/")[0] for name in held if ".dist-info/" not in name}
-    assert tops == {"semap", "semap_ingest", "semap_service"}
+    assert tops == {"semap", "semap_ingest", "semap_bridge", "semap_service"}
 
 
 def test_the_wheel_holds_what_perception_reads(wheel: Path) -> None:
     held = set(zipfile.ZipFile(wheel).namelist())
     ingest, service = CHECKOUT / "ingest", CHECKOUT / "service"
     for root, pattern, count in ((ingest, "semap_ingest/models/*.onnx", 2),
+                                 (ingest, "semap_ingest/models/*.jpg", 1),
                                  (ingest, "semap_ingest/simulation/office.yaml", 1),
                                  (service, "semap_service/evaluation/office_rules/*.yaml", 7),
                                  (service, "semap_service/demo/*.csv", 2)):  # fmt: skip

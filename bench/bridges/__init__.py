@@ -1,0 +1,1 @@
+"""What bridges cost, each beside a peer where there is one."""
