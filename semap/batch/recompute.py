@@ -33,6 +33,10 @@ from semap.batch.stored_tracks import (
     read_tracks,
 )
 from semap.errors import InvalidInput, NotFound
+from semap.intake.enrichment import enriched
+from semap.intake.history_rows import Span, history_rows
+from semap.intake.kept import require_states
+from semap.intake.map_facts import MapFacts, load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.rule import Rule
@@ -43,10 +47,6 @@ from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.enrichment import enriched
-from semap.worker.history_rows import Span, history_rows
-from semap.worker.kept import require_states
-from semap.worker.map_facts import MapFacts, load_map_facts
 from semap.worker.progress import ROLE, WORKER, event_json
 
 WARM_UP_S = 60.0

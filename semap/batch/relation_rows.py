@@ -7,10 +7,10 @@ from uuid import UUID, uuid5
 
 from semap.batch.crossing import Visit
 from semap.batch.stored_tracks import StoredRegion, StoredTrack
+from semap.intake.input_row import relation_row
+from semap.intake.map_facts import MapFacts
 from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime
-from semap.worker.input_row import relation_row
-from semap.worker.map_facts import MapFacts
 
 NAMESPACE = UUID("0c5e2e43-63ee-5f3b-8c5e-2b0b1f3d9a44")
 

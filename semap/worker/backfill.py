@@ -12,6 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import psycopg
 
 from semap.errors import InvalidInput
+from semap.intake.enrichment import enriched
+from semap.intake.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
+from semap.intake.inputs import RuleChange
+from semap.intake.kept import require_kept
 from semap.model.event import Event
 from semap.rules.declaration import Declaration, IntervalPattern, TemporalFormula
 from semap.rules.engine.rule import Rule
@@ -19,10 +23,6 @@ from semap.rules.engine.sources import NEVER_US
 from semap.rules.needs import needs_of, properties_read
 from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.enrichment import enriched
-from semap.worker.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
-from semap.worker.inputs import RuleChange
-from semap.worker.kept import require_kept
 from semap.worker.progress import Progress
 
 log = logging.getLogger(__name__)

@@ -10,6 +10,9 @@ from datetime import datetime
 import psycopg
 
 from semap.errors import InvalidInput, NotFound
+from semap.intake.history_rows import Span, history_rows
+from semap.intake.kept import require_kept, require_states
+from semap.intake.map_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.confidence import learn
@@ -23,9 +26,6 @@ from semap.rules.row import Row
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_us
 from semap.worker.backfill import enriched_for, looks_back
-from semap.worker.history_rows import Span, history_rows
-from semap.worker.kept import require_kept, require_states
-from semap.worker.map_facts import load_map_facts
 
 MAP = """
     select m.map_id,

@@ -14,6 +14,9 @@ import psycopg
 from psycopg.types.json import Jsonb
 
 from semap.errors import SlotLost
+from semap.intake.idleness import Heard
+from semap.intake.inputs import read_rule
+from semap.intake.map_facts import MapFacts, load_map_facts
 from semap.model.event import Event, Evidence
 from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
@@ -21,9 +24,6 @@ from semap.rules.engine.engine import Changes, Engine
 from semap.rules.engine.sources import NEVER_US
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.idleness import Heard
-from semap.worker.inputs import read_rule
-from semap.worker.map_facts import MapFacts, load_map_facts
 
 WORKER = "rules"
 ROLE = "semap_worker"

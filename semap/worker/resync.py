@@ -13,11 +13,11 @@ import psycopg
 from psycopg.rows import dict_row
 
 from semap.errors import Conflict
+from semap.intake.input_row import READERS, RELATION_COLUMNS
+from semap.intake.map_facts import load_map_facts
 from semap.replication.pgoutput import Change, Transaction, parse_lsn
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_us
-from semap.worker.input_row import READERS, RELATION_COLUMNS
-from semap.worker.map_facts import load_map_facts
 from semap.worker.progress import ROLE, WORKER, Progress, commit_progress, load_progress
 from semap.worker.stretch import Stretch
 

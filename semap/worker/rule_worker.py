@@ -19,11 +19,11 @@ from threading import Event as Signal
 import psycopg
 
 from semap.errors import ServerUnavailable, SlotLost
+from semap.intake.map_facts import PUBLICATION as MAP_PUBLICATION
 from semap.replication.pgoutput import format_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.store.database.backoff import Patience
 from semap.store.database.connection import connect, translated
-from semap.worker.map_facts import PUBLICATION as MAP_PUBLICATION
 from semap.worker.progress import ROLE, Made, commit_progress, load_progress, note_idle, say_alive
 from semap.worker.stretch import Stretch
 

@@ -9,17 +9,11 @@ from dataclasses import replace
 import psycopg
 
 from semap.errors import InvalidInput, UntrustedBytes
-from semap.model.event import Event
-from semap.replication.pgoutput import Change, Transaction
-from semap.rules.engine.engine import Due
-from semap.rules.needs import Needs
-from semap.rules.row import Row
-from semap.worker.backfill import begin_rule
-from semap.worker.enrichment import enriched
-from semap.worker.former_state import changes_only
-from semap.worker.idleness import IDLE_AFTER_S, Idleness
-from semap.worker.input_row import READERS, integer_of, map_row
-from semap.worker.inputs import (
+from semap.intake.enrichment import enriched
+from semap.intake.former_state import changes_only
+from semap.intake.idleness import IDLE_AFTER_S, Idleness
+from semap.intake.input_row import READERS, integer_of, map_row
+from semap.intake.inputs import (
     deleted_map,
     deleted_source,
     is_ended_by_the_map,
@@ -27,10 +21,16 @@ from semap.worker.inputs import (
     rule_change,
     source_change,
 )
-from semap.worker.map_facts import TABLES as MAP_TABLES
-from semap.worker.map_facts import MapFacts
+from semap.intake.map_facts import TABLES as MAP_TABLES
+from semap.intake.map_facts import MapFacts
+from semap.intake.visibility import await_visible
+from semap.model.event import Event
+from semap.replication.pgoutput import Change, Transaction
+from semap.rules.engine.engine import Due
+from semap.rules.needs import Needs
+from semap.rules.row import Row
+from semap.worker.backfill import begin_rule
 from semap.worker.progress import Made, Progress
-from semap.worker.visibility import await_visible
 
 MOST_UNSEEN = 1000
 """Of so many transactions one makes sure that they are seen; each session can have only one that is not."""

@@ -7,11 +7,11 @@ from uuid import UUID
 
 import pytest
 
+from semap.intake.input_row import relation_row
+from semap.intake.map_facts import MapFacts
 from semap.rules.engine.presence import Presence
 from semap.rules.interval.holding import begins, subject_of
 from semap.rules.row import RANKS
-from semap.worker.input_row import relation_row
-from semap.worker.map_facts import MapFacts
 
 CHANGE = {
     "uid": str(UUID(int=1)), "query_name": "q", "kind": "began", "cause": "moved",

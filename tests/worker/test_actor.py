@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 from world import World
 
+from semap.intake.actor import Candidate, likeliest
+from semap.intake.enrichment import enriched
 from semap.rules.needs import Needs
 from semap.rules.row import Row
 from semap.store.database.connection import connect
-from semap.worker.actor import Candidate, likeliest
-from semap.worker.enrichment import enriched
 
 NEEDS = Needs({"door": 1.5}, frozenset({"track_in_room", "door"}), frozenset({"door"}))
 

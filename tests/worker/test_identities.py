@@ -11,11 +11,11 @@ from server import fresh_database
 from world import World
 
 from semap.cluster import Cluster
+from semap.intake.input_row import map_row
+from semap.intake.map_facts import MapFacts
 from semap.replication.pgoutput import Change
 from semap.store.database.connection import connect
 from semap.store.operate.rule_slot import ensure_slot
-from semap.worker.input_row import map_row
-from semap.worker.map_facts import MapFacts
 
 
 def play(*scenes: DoorScene) -> list[set[tuple[str, str, str]]]:

@@ -9,11 +9,11 @@ import shapely
 from door_scene import DoorScene
 from world import World
 
+from semap.intake.map_facts import MapFacts, load_map_facts
 from semap.replication.pgoutput import Transaction, parse_lsn
 from semap.replication.stream import open_stream
 from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime
-from semap.worker.map_facts import MapFacts, load_map_facts
 from semap.worker.rule_worker import PUBLICATIONS
 
 

@@ -12,12 +12,12 @@ from made_relations import KINDS, Thing, at, change, pair_query
 from rule_work import await_events, await_progress, lose_slot, running_worker
 from world import World
 
+from semap.intake.history_rows import Span, history_rows
+from semap.intake.map_facts import load_map_facts
 from semap.rules.engine.rule import Rule
 from semap.rules.language.reading import parse_declaration
 from semap.store.database.connection import connect
 from semap.store.operate.rule_slot import ensure_slot
-from semap.worker.history_rows import Span, history_rows
-from semap.worker.map_facts import load_map_facts
 from semap.worker.past import dry_run
 from semap.worker.resync import resync
 

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 import psycopg
 import shapely
 
+from semap.intake.actor import Candidate, likeliest
 from semap.rules.engine.preparation import ACTOR_NEARER
 from semap.rules.needs import LOOKED_UP, Needs
 from semap.rules.row import Row, Value
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime
-from semap.worker.actor import Candidate, likeliest
 
 ASKED = LOOKED_UP | {ACTOR_NEARER}
 FOOTPRINTS = """

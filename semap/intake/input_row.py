@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from uuid import UUID, uuid5
 
+from semap.intake.map_facts import Facts, MapFacts
 from semap.model.event import Event
 from semap.replication.pgoutput import Row as TableRow
 from semap.rules.row import RANKS, Row, Value
 from semap.timeline.stamp import parse_stamp
-from semap.worker.map_facts import Facts, MapFacts
 
 MAP_CHANGE_NAMESPACE = UUID("9d0b8a5c-54c1-5c8e-8a5b-0f6f2b9a7d61")
 MAP_INPUT = "map"

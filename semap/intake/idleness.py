@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from semap.worker.inputs import SourceChange
+from semap.intake.inputs import SourceChange
 
 IDLE_AFTER_S = 10.0
 

@@ -14,13 +14,13 @@ import psycopg
 from psycopg.rows import dict_row
 
 from semap.errors import TooLarge
+from semap.intake.input_row import READERS, RELATION_COLUMNS, event_row, event_text
+from semap.intake.map_facts import MapFacts
 from semap.model.event import Event
 from semap.rules.engine.rule import Rule
 from semap.rules.row import Row, Source
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.input_row import READERS, RELATION_COLUMNS, event_row, event_text
-from semap.worker.map_facts import MapFacts
 
 SINCE_EVER = datetime(1800, 1, 1, tzinfo=UTC)
 FOR_EVER = datetime(9999, 1, 1, tzinfo=UTC)

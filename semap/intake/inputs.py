@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from semap.errors import InvalidInput
+from semap.intake.input_row import integer_of, text_of
 from semap.replication.pgoutput import Change
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.sources import NEVER_US
 from semap.timeline.stamp import parse_stamp
-from semap.worker.input_row import integer_of, text_of
 
 log = logging.getLogger(__name__)
 
