@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from bench.figure import figure, once
 from bench.flink.environment import Flink, FlinkMissing, find
+from semap.intake.intake import Intake
 from semap.model.event import Event
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.rule import Rule
@@ -127,23 +128,24 @@ def make_rows(first: int, count: int) -> Iterator[Row]:
         yield Row(stamp_us, RANKS["relation"], uid, "relation", values, ("Room", "Space"))
 
 
-def _new_engine() -> Engine:
-    engine = Engine()
-    engine.change_rule(RULE.rule_id, RULE)
-    return engine
+def _both_halves() -> tuple[Intake, Engine]:
+    intake, engine = Intake(), Engine()
+    for half in (intake, engine):
+        half.change_rule(RULE.rule_id, RULE)
+    return intake, engine
 
 
 def _round(rows: list[Row]) -> tuple[float, Pairs]:
     """Seconds, and what was found."""
-    engine = _new_engine()
+    intake, engine = _both_halves()
     pairs: list[list[int]] = []
     started_s = time.perf_counter()
     for first in range(0, len(rows), BATCH):
         batch = rows[first : first + BATCH]
         for row in batch:
-            engine.arrive(MAP_ID, row)
-        engine.watermark(MAP_ID, 1, batch[-1].stamp_us)
-        pairs += [_pair(event) for event in engine.release()]
+            intake.arrive(MAP_ID, row)
+        intake.watermark(MAP_ID, 1, batch[-1].stamp_us)
+        pairs += [_pair(event) for due in intake.due() for event in engine.take(due)]
     return time.perf_counter() - started_s, _ordered(pairs)
 
 
@@ -206,13 +208,15 @@ def _resident_mb() -> float:
 
 def _take_many() -> list[float]:
     """The resident size [MB] at each of SAID_AT rows."""
-    engine = _new_engine()
+    intake, engine = _both_halves()
     sizes = []
     for first in range(0, SAID_AT[-1], BATCH):
         for row in make_rows(first, BATCH):
-            engine.arrive(MAP_ID, row)
-        engine.watermark(MAP_ID, 1, row.stamp_us)
-        engine.release()
+            intake.arrive(MAP_ID, row)
+        intake.watermark(MAP_ID, 1, row.stamp_us)
+        for due in intake.due():
+            engine.take(due)
+        intake.changes()
         engine.changes()
         if first + BATCH in SAID_AT:
             sizes.append(_resident_mb())

@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 
 from bench.figure import Figure, Rows, figure
+from semap.intake.intake import Intake
 from semap.rules.compilation import compile_rule
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.rule import Rule
@@ -93,7 +94,7 @@ def _clauses(pattern: str, after_match: str, window_s: int) -> dict[str, object]
 
 def _round(clauses: dict[str, object], rows: Sequence[Row]) -> float:
     """Seconds."""
-    engine = Engine()
+    intake, engine = Intake(), Engine()
     document = {
         "map_id": MAP_ID,
         "name": "windows",
@@ -102,13 +103,15 @@ def _round(clauses: dict[str, object], rows: Sequence[Row]) -> float:
         "queries": {"x": 1},
         "declaration": clauses,
     }
-    engine.change_rule(1, Rule.from_json(1, document))
+    for half in (intake, engine):
+        half.change_rule(1, Rule.from_json(1, document))
     started_s = time.process_time()
     for first in range(0, len(rows), BATCH):
         for row in rows[first : first + BATCH]:
-            engine.arrive(MAP_ID, row)
-        engine.watermark(MAP_ID, 1, row.stamp_us)
-        engine.release()
+            intake.arrive(MAP_ID, row)
+        intake.watermark(MAP_ID, 1, row.stamp_us)
+        for due in intake.due():
+            engine.take(due)
     return time.process_time() - started_s
 
 

@@ -36,12 +36,13 @@ from semap.errors import InvalidInput, NotFound
 from semap.intake.enrichment import enriched
 from semap.intake.history_rows import Span, history_rows
 from semap.intake.kept import require_states
-from semap.intake.map_facts import MapFacts, load_map_facts
+from semap.intake.map_facts import MapFacts
+from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US
 from semap.rules.lookback import lookback_us
 from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row

@@ -11,7 +11,7 @@ from semap.errors import InvalidInput
 from semap.intake.input_row import integer_of, text_of
 from semap.replication.pgoutput import Change
 from semap.rules.engine.rule import Rule
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US
 from semap.timeline.stamp import parse_stamp
 
 log = logging.getLogger(__name__)

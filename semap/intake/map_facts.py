@@ -1,8 +1,7 @@
 """What rules may ask of the map: of each instance its concept, attributes, rooms and their neighbours.
 
-The facts are those of one place in the log. They are loaded as of the moment at which a worker had come to
-that place, out of the history of the map, and are kept from there on by the changes that the log brings.
-Edits of the map are one at a time and alone, so that stamps of change sets tell what was committed by then.
+The facts are those of one place in the log: loaded as they were there (`stored_facts`), and kept from there
+on by the changes that the log brings.
 """
 
 from __future__ import annotations
@@ -10,27 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
-
-import psycopg
 
 from semap.replication.pgoutput import Change, Row
 from semap.rules.row import Value
-from semap.store.database.connection import translated
 
 PUBLICATION = "semap_map"
 OF_HISTORY = ("concept", "concept_parent", "instance", "door_room")
 TABLES = ("map", *OF_HISTORY)
 ROOM = "Room"
-
-LOAD = """
-    select v.content from (
-      select distinct on (v.row_key) v.content
-      from semap.row_version v join semap.change_set c using (change_set_id)
-      where v.table_name = %s and c.made_at <= coalesce(%s, 'infinity'::timestamptz)
-      order by v.row_key, v.version_id desc) v
-    where v.content is not null
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,18 +171,6 @@ class MapFacts:
         return known
 
 
-def load_map_facts(connection: psycopg.Connection, at: datetime | None = None) -> MapFacts:
-    """The facts as of a moment by the server's clock; None is now."""
-    facts = MapFacts()
-    with translated():
-        for map_id, uid in connection.execute("select map_id::text, uid::text from semap.map"):
-            facts.apply(Change("map", "insert", {"map_id": map_id, "uid": uid}))
-        for table in OF_HISTORY:
-            for (content,) in connection.execute(LOAD, [table, at]):
-                facts.apply(Change(table, "insert", {name: _text(value) for name, value in content.items()}))
-    return facts
-
-
 def _id(row: Row, column: str) -> int:
     value = row[column]
     if value is None:
@@ -211,10 +185,3 @@ def _link(links: dict[int, set[int]], from_id: int, to_id: int, is_there: bool) 
         links[from_id].discard(to_id)
         if not links[from_id]:
             del links[from_id]
-
-
-def _text(value: object) -> str | None:
-    """A value as the log carries it."""
-    if value is None or isinstance(value, str):
-        return value
-    return json.dumps(value)

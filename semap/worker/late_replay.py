@@ -16,9 +16,11 @@ from math import isinf
 import psycopg
 from psycopg.types.json import Jsonb
 
+from semap.intake.backfill import enriched_for, looks_back
 from semap.intake.history_rows import SINCE_EVER, Span, history_rows
 from semap.intake.inputs import read_rule
-from semap.intake.map_facts import MapFacts, load_map_facts
+from semap.intake.map_facts import MapFacts
+from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.rule import Rule
@@ -27,7 +29,6 @@ from semap.rules.engine.run_over import run_over
 from semap.rules.lookback import lookback_us
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import parse_stamp, to_datetime, to_us
-from semap.worker.backfill import enriched_for, looks_back
 from semap.worker.progress import ROLE, WORKER, event_json
 
 LATE = """

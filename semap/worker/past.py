@@ -10,9 +10,10 @@ from datetime import datetime
 import psycopg
 
 from semap.errors import InvalidInput, NotFound
+from semap.intake.backfill import enriched_for, looks_back
 from semap.intake.history_rows import Span, history_rows
 from semap.intake.kept import require_kept, require_states
-from semap.intake.map_facts import load_map_facts
+from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.confidence import learn
@@ -25,7 +26,6 @@ from semap.rules.needs import needs_of
 from semap.rules.row import Row
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_us
-from semap.worker.backfill import enriched_for, looks_back
 
 MAP = """
     select m.map_id,

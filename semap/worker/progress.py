@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
 from itertools import zip_longest
+from typing import TypeAlias
 from uuid import UUID
 
 import psycopg
@@ -16,15 +17,20 @@ from psycopg.types.json import Jsonb
 from semap.errors import SlotLost
 from semap.intake.idleness import Heard
 from semap.intake.inputs import read_rule
-from semap.intake.map_facts import MapFacts, load_map_facts
+from semap.intake.intake import Intake
+from semap.intake.place import Place
+from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event, Evidence
 from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
-from semap.rules.engine.engine import Changes, Engine
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.changes import Changes
+from semap.rules.engine.engine import Engine
+from semap.rules.engine.step import NEVER_US, Step
+from semap.rules.row_json import RowJson
 from semap.store.database.connection import translated
 from semap.timeline.stamp import to_datetime, to_us
 
+RowOfMap: TypeAlias = tuple[int, RowJson]
 WORKER = "rules"
 ROLE = "semap_worker"
 
@@ -40,30 +46,30 @@ PART_CHARACTERS = 16_000_000
 
 
 @dataclass
-class Progress:
-    """Mutable: a place in the log, and what was known there.
+class Progress(Place):
+    """Mutable: a place in the log, and what both halves of the engine knew there.
 
-    committed_at_us  when the last transaction before that place was committed, by the server's clock
-    facts_at_us      when the last that edited a map was
-    seams            where the past ended that each rule was run over, by its id
-    heard            what each source has said last, by its id
-    rules_stored     the rules as they were committed last; None where that is not known
+    rules_stored  the rules as they were committed last; None where that is not known
     """
 
-    lsn: int
-    committed_at_us: int
-    engine: Engine = field(default_factory=Engine)
-    facts: MapFacts = field(default_factory=MapFacts)
-    facts_at_us: int = 0
-    seams: dict[int, Mapping[str, int]] = field(default_factory=dict)
-    heard: Mapping[int, Heard] = field(default_factory=dict)
+    rules: Engine = field(default_factory=Engine)
     rules_stored: Mapping[str, object] | None = None
+
+    def take(self, step: Step) -> list[Event]:
+        """The events that a step makes."""
+        events = self.rules.take(step)
+        self._forget_failed()
+        return events
+
+    def _forget_failed(self) -> None:
+        for rule_id in self.rules.failed():
+            self.intake.change_rule(rule_id, None)
 
     def rules_json(self) -> dict[str, object]:
         """The rules in force as of the place, as `semap.rule_json` gives them."""
         return {
             rule_id: {**document, "seam": self.seams.get(int(rule_id))}  # type: ignore[dict-item]
-            for rule_id, document in self.engine.rules_json().items()
+            for rule_id, document in self.intake.rules_json().items()
         }
 
     def watermarks_json(self) -> dict[str, object]:
@@ -71,16 +77,16 @@ class Progress:
             "committed_at_us": self.committed_at_us,
             "given_up": self._given_up_json(),
             "facts_at_us": self.facts_at_us,
-            "maps": self.engine.watermarks_json(),
+            "maps": self.intake.watermarks_json(),
             "heard": {source_id: asdict(each) for source_id, each in self.heard.items()},
         }
 
     def _given_up_json(self) -> dict[int, object]:
         """As the view semap.rule_given_up reads it."""
-        rules = self.engine.rules
+        rules = self.rules.rules
         return {
             rule_id: {"version": rules[rule_id].version, **each.as_json()}
-            for rule_id, each in self.engine.given_up.items()
+            for rule_id, each in self.rules.given_up.items()
         }
 
 
@@ -118,31 +124,47 @@ def load_progress(connection: psycopg.Connection) -> Progress:
     lsn, documents, watermarks, updated_at = row
     committed_at_us = watermarks.get("committed_at_us", to_us(updated_at))
     facts_at_us = watermarks.get("facts_at_us", committed_at_us)
-    rules = (read_rule(int(rule_id), document) for rule_id, document in documents.items())
+    read = (read_rule(int(rule_id), document) for rule_id, document in documents.items())
+    rules = [rule for rule in read if rule is not None]
+    marks = watermarks.get("maps", {})
     with translated():
-        engine = Engine.restore(
-            [rule for rule in rules if rule is not None],
-            watermarks.get("maps", {}),
-            connection.execute(
-                "select rule_id, key, state from semap.rule_state where worker = %s", [WORKER]
-            ).fetchall(),
-            connection.execute(
-                "select map_id, row from semap.pending_row where worker = %s", [WORKER]
-            ).fetchall(),
-            {
-                int(rule_id): GivenUp.from_json(each)
-                for rule_id, each in watermarks.get("given_up", {}).items()
-            },
-        )
-    return Progress(
+        states = connection.execute(
+            "select rule_id, key, state from semap.rule_state where worker = %s", [WORKER]
+        ).fetchall()
+        waiting = connection.execute(
+            "select map_id, row from semap.pending_row where worker = %s", [WORKER]
+        ).fetchall()
+    intake_rows, rule_rows = halves(waiting)
+    progress = Progress(
         lsn=parse_lsn(lsn),
         committed_at_us=committed_at_us,
-        engine=engine,
+        intake=Intake.restore(rules, marks, intake_rows),
         facts=load_map_facts(connection, to_datetime(facts_at_us)),
         facts_at_us=facts_at_us,
         seams={int(rule_id): document["seam"] for rule_id, document in documents.items() if document["seam"]},
         heard={int(source_id): Heard(**each) for source_id, each in watermarks.get("heard", {}).items()},
+        rules=Engine.restore(
+            rules,
+            {int(map_id): mark["released_us"] for map_id, mark in marks.items()},
+            states,
+            rule_rows,
+            {
+                int(rule_id): GivenUp.from_json(each)
+                for rule_id, each in watermarks.get("given_up", {}).items()
+            },
+        ),
     )
+    progress._forget_failed()
+    return progress
+
+
+def halves(pending: Iterable[RowOfMap]) -> tuple[list[RowOfMap], list[RowOfMap]]:
+    """Rows that wait, of either half: events of rules wait where they are made."""
+    of_intake: list[RowOfMap] = []
+    of_rules: list[RowOfMap] = []
+    for map_id, row in pending:
+        (of_rules if row[3] == "event" else of_intake).append((map_id, row))
+    return of_intake, of_rules
 
 
 def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Progress, made: Made) -> int:
@@ -151,7 +173,7 @@ def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Prog
     returns  the number of the last event there is
     raises   ServerUnavailable where another worker has moved on
     """
-    changes = after.engine.changes()
+    changes = after.intake.changes() + after.rules.changes()
     rules = after.rules_json()
     before = format_lsn(before_lsn)
     *parts, last = _in_parts(

@@ -14,12 +14,13 @@ from psycopg.rows import dict_row
 
 from semap.errors import Conflict
 from semap.intake.input_row import READERS, RELATION_COLUMNS
-from semap.intake.map_facts import load_map_facts
+from semap.intake.stored_facts import load_map_facts
+from semap.intake.stretch import Stretch
 from semap.replication.pgoutput import Change, Transaction, parse_lsn
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_us
+from semap.worker.making import Making
 from semap.worker.progress import ROLE, WORKER, Progress, commit_progress, load_progress
-from semap.worker.stretch import Stretch
 
 SINCE = {
     "relation_change": f"""
@@ -111,7 +112,7 @@ def _catch_up(connection: psycopg.Connection) -> int:
     event_seq, lsn, now = row
     progress = load_progress(connection)
     progress.facts = load_map_facts(connection)
-    known_rules = list(progress.engine.rules)
+    known_rules = list(progress.intake.rules)
     missed = _missed_rows(connection, progress)
     rules = _changes(connection, "rule", NOW["rule"])
     there = {int(change.row["rule_id"] or 0) for change in rules}
@@ -119,9 +120,10 @@ def _catch_up(connection: psycopg.Connection) -> int:
         Change("rule", "delete", {"rule_id": str(rule_id)}) for rule_id in known_rules if rule_id not in there
     ]
     changes = (*gone, *rules, *missed, *_changes(connection, "source", NOW["source"]), *_gone(connection))
-    stretch = Stretch(connection, progress, time.monotonic())
-    stretch.take(Transaction(parse_lsn(lsn), changes, to_us(now)), time.monotonic())
-    newest = commit_progress(connection, 0, progress, stretch.made)
+    now_s = time.monotonic()
+    making = Making(Stretch(connection, progress, now_s), progress)
+    making.take(Transaction(parse_lsn(lsn), changes, to_us(now)), now_s)
+    newest = commit_progress(connection, 0, progress, making.made)
     connection.commit()
     return newest - int(event_seq)
 
@@ -143,7 +145,7 @@ def _missed_rows(connection: psycopg.Connection, progress: Progress) -> list[Cha
         for change in _changes(connection, table, statement)
         if change.row["is_new"] == "t"
         or READERS[table](change.row, progress.facts).stamp_us
-        > progress.engine.released_us(int(change.row["map_id"] or 0))
+        > progress.intake.released_us(int(change.row["map_id"] or 0))
     ]
 
 

@@ -20,12 +20,13 @@ import psycopg
 
 from semap.errors import ServerUnavailable, SlotLost
 from semap.intake.map_facts import PUBLICATION as MAP_PUBLICATION
+from semap.intake.stretch import Stretch
 from semap.replication.pgoutput import format_lsn
 from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.store.database.backoff import Patience
 from semap.store.database.connection import connect, translated
-from semap.worker.progress import ROLE, Made, commit_progress, load_progress, note_idle, say_alive
-from semap.worker.stretch import Stretch
+from semap.worker.making import Making
+from semap.worker.progress import ROLE, Made, Progress, commit_progress, load_progress, note_idle, say_alive
 
 log = logging.getLogger(__name__)
 
@@ -62,10 +63,10 @@ def _follow(dsn: str, stop: Signal) -> Iterator[None]:
             raise SlotLost("A `semap db resync` was begun and did not end.", "Run `semap db resync` again.")
         stream = open_stream(dsn, _slot(connection), PUBLICATIONS, progress.lsn)
         log.info(
-            "Following the log from %s with %d rules.", format_lsn(progress.lsn), len(progress.engine.rules)
+            "Following the log from %s with %d rules.", format_lsn(progress.lsn), len(progress.intake.rules)
         )
         try:
-            yield from Reading(connection, stream, Stretch(connection, progress, time.monotonic())).run(stop)
+            yield from Reading(connection, stream, progress).run(stop)
         finally:
             stream.close()
 
@@ -73,13 +74,15 @@ def _follow(dsn: str, stop: Signal) -> Iterator[None]:
 class Reading:
     """Mutable: the log as it comes in, and how much of it is committed."""
 
-    def __init__(self, connection: psycopg.Connection, stream: ReplicationStream, stretch: Stretch) -> None:
+    def __init__(self, connection: psycopg.Connection, stream: ReplicationStream, progress: Progress) -> None:
         self._connection = connection
         self._stream = stream
-        self._stretch = stretch
-        self._committed_lsn = stretch.progress.lsn
+        self._progress = progress
+        self._stretch = Stretch(connection, progress, time.monotonic())
+        self._making = Making(self._stretch, progress)
+        self._committed_lsn = progress.lsn
         self._commit_due_s: float | None = None
-        self._given_up = stretch.progress.engine.given_up
+        self._given_up = progress.rules.given_up
         self._alive_due_s = 0.0
 
     def run(self, stop: Signal) -> Iterator[None]:
@@ -89,9 +92,9 @@ class Reading:
                     self._commit()
                 if self._commit_due_s is None:
                     self._commit_due_s = time.monotonic() + QUIET_COMMIT_S
-                self._stretch.take(transaction, time.monotonic())
+                self._making.take(transaction, time.monotonic())
             self._note_silence()
-            if self._stretch.made != Made() or (self._commit_due_s or float("inf")) <= time.monotonic():
+            if self._making.made != Made() or (self._commit_due_s or float("inf")) <= time.monotonic():
                 self._commit()
                 yield
             self._say_alive()
@@ -105,9 +108,9 @@ class Reading:
             self._alive_due_s = time.monotonic() + ALIVE_S
 
     def _commit(self) -> None:
-        lsn = self._stretch.progress.lsn
-        commit_progress(self._connection, self._committed_lsn, self._stretch.progress, self._stretch.made)
-        self._stretch.begin()
+        lsn = self._progress.lsn
+        commit_progress(self._connection, self._committed_lsn, self._progress, self._making.made)
+        self._making.begin()
         self._committed_lsn, self._commit_due_s = lsn, None
         self._stream.acknowledge(lsn)
         self._say_what_was_given_up()
@@ -118,11 +121,11 @@ class Reading:
             note_idle(self._connection, silent)
 
     def _say_what_was_given_up(self) -> None:
-        engine = self._stretch.progress.engine
-        given_up = engine.given_up
+        rules = self._progress.rules
+        given_up = rules.given_up
         for rule_id, each in given_up.items():
             if each != self._given_up.get(rule_id):
-                log.warning("Rule %s: %s", engine.rules[rule_id].name, each.as_text())
+                log.warning("Rule %s: %s", rules.rules[rule_id].name, each.as_text())
         self._given_up = given_up
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import psycopg
 
+from semap.intake.backfill import looks_back
 from semap.intake.history_rows import Span as Read
 from semap.rules.declaration import Declaration
 from semap.rules.engine.partition import part_of
@@ -21,7 +22,6 @@ from semap.rules.explanation.explanation import explain as explain_rows
 from semap.rules.explanation.moment import Moment
 from semap.rules.lookback import lookback_us
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.backfill import looks_back
 from semap.worker.past import past_of_map
 
 UNBOUND_US = 3_600_000_000

@@ -7,7 +7,7 @@ from dataclasses import replace
 from uuid import UUID, uuid5
 
 import pytest
-from engine_store import EngineStore
+from engine_store import Engine, EngineStore
 from scene import (
     ALL,
     BOTH_STAYED,
@@ -17,7 +17,6 @@ from scene import (
     DURING,
     MAP,
     OPENED_THEN_ENTERED,
-    QUERIES,
     ROOMS,
     STAYED,
     TIMED_OUT,
@@ -31,7 +30,6 @@ from scene import (
 from semap.errors import InvalidInput
 from semap.model.event import Event, Evidence
 from semap.model.given_up import GivenUp
-from semap.rules.engine.engine import Engine
 from semap.rules.engine.event_identity import EVENT_NAMESPACE
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
@@ -205,7 +203,7 @@ def test_where_no_source_is_awaited_all_that_they_gave_is_taken() -> None:
     engine.watermark(MAP, 1, 5 * S, is_awaited=False)
     assert told(engine.release()) == [("stayed", 4.0)]
     engine.watermark(MAP, 2, 12 * S)
-    engine.forget_source(2)
+    engine.intake.forget_source(2)
     assert told(engine.release()) == [("stayed", 10.0)]
 
 
@@ -241,7 +239,7 @@ def test_what_an_edit_of_the_map_did_is_taken_where_the_map_is_and_waits_for_no_
     engine = store.restored()
     assert told(engine.release()) == [("left", 5.5), ("gone", 5.5)]
     assert engine.release() == []
-    assert engine.released_us(MAP) == 6 * S
+    assert engine.intake.released_us(MAP) == 6 * S
     store.take(engine)
     assert (store.pending, store.late) == ({}, [])
     arrive(engine, visit("bob", "kitchen", "began", 6.000001))
@@ -293,10 +291,8 @@ def test_a_new_version_begins_without_states_while_others_go_on() -> None:
 
 def test_rules_say_what_they_read_and_need() -> None:
     engine = engine_of(OPENED_THEN_ENTERED, VISITS | {"where": "s_intersects(position, BBOX(0,0,1,1))"})
-    assert engine.queries(MAP) == {QUERIES["track_in_room"]: "track_in_room"}
-    assert engine.reads_object_states(MAP) == {"door"}
-    assert not engine.reads_map(MAP)
-    needs = engine.needs(MAP)
+    assert not engine.intake.reads_map(MAP)
+    needs = engine.intake.needs(MAP)
     assert (needs.actor_within_m, needs.position, needs.footprint) == (
         {"door": 1.5}, frozenset({"track_in_room"}), frozenset(),
     )  # fmt: skip

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine_store import EngineStore
+from engine_store import Engine, EngineStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scene import ALL, DOORS, MAP, ROOMS, TRACKS, S, door, rule, visit
 
 from semap.model.event import Event
-from semap.rules.engine.engine import Engine
 from semap.rules.engine.run_over import run_over
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US
 from semap.rules.row import Row
 
 LATENESS_S = 3

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from engine_store import Engine
 from scene import BOTH_STAYED, MAP, OPENED_THEN_ENTERED, STAYED, VISITS, S, rule, visit
 
-from semap.rules.engine.engine import Engine
 from semap.rules.engine.rule_run import RuleRun
 from semap.rules.row import Row
 
@@ -38,7 +38,7 @@ def run(
 
 
 def broken(rule_id: int, what: str) -> Callable[[Engine], None]:
-    return lambda engine: setattr(engine._maps[MAP].runs[rule_id], what, boom)
+    return lambda engine: setattr(engine.half._maps[MAP].runs[rule_id], what, boom)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_the_others_make_the_same_events(failing: int, what: str, caplog: pytest
     assert name not in {each[0] for each in events}
     assert f"Rule {name} is put out of force" in caplog.text
     assert failing not in engine.rules
-    assert str(failing) not in engine.rules_json()
+    assert str(failing) not in engine.intake.rules_json()
 
 
 def test_what_it_had_stored_goes_and_it_may_be_declared_again() -> None:

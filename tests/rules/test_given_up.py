@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from engine_store import EngineStore
+from engine_store import Engine, EngineStore
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scene import MAP, ROOMS, TRACKS, S, rule, visit
 
 from semap.model.given_up import GivenUp
-from semap.rules.engine.engine import Engine
 from semap.rules.engine.run_over import run_over
 from semap.rules.matching import all_matches, pattern_program
 from semap.rules.row import Row

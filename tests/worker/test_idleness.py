@@ -15,13 +15,13 @@ from server import fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
+from semap.intake import stretch
 from semap.intake.idleness import Idleness
 from semap.intake.inputs import SourceChange, source_change
 from semap.replication.pgoutput import Change
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US
 from semap.store.database.connection import connect
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker import stretch
 from semap.worker.progress import note_idle
 
 EARLIEST, LATEST = datetime(1800, 1, 1), datetime(9998, 12, 31)  # noqa: DTZ001

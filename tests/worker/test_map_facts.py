@@ -9,7 +9,8 @@ import shapely
 from door_scene import DoorScene
 from world import World
 
-from semap.intake.map_facts import MapFacts, load_map_facts
+from semap.intake.map_facts import MapFacts
+from semap.intake.stored_facts import load_map_facts
 from semap.replication.pgoutput import Transaction, parse_lsn
 from semap.replication.stream import open_stream
 from semap.store.database.connection import connect

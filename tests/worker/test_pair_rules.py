@@ -13,7 +13,7 @@ from rule_work import await_events, await_progress, lose_slot, running_worker
 from world import World
 
 from semap.intake.history_rows import Span, history_rows
-from semap.intake.map_facts import load_map_facts
+from semap.intake.stored_facts import load_map_facts
 from semap.rules.engine.rule import Rule
 from semap.rules.language.reading import parse_declaration
 from semap.store.database.connection import connect

@@ -14,9 +14,9 @@ from operator import attrgetter
 
 from semap.model.event import Event
 from semap.rules.engine.partition import Key
-from semap.rules.engine.plan import plan_of
+from semap.rules.engine.plan import Plan, plan_of
 from semap.rules.engine.rule_run import Found, RuleRun, Timers
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US
 from semap.rules.engine.waiting import order_of
 from semap.rules.row import Row
 
@@ -30,11 +30,17 @@ class Flow:
     """
 
     def __init__(self) -> None:
-        self.plan = plan_of((), {})
+        self.follow(plan_of((), {}))
         self.timers = Timers()
         self._queues: dict[int, list[Row]] = {}
         self._events: list[Event] = []
         self.failed: list[tuple[RuleRun, Exception]] = []
+
+    def follow(self, plan: Plan[RuleRun]) -> None:
+        """Give rows by this plan from now on."""
+        self.plan = plan
+        for place, run in enumerate(plan.runs):
+            run.place = place
 
     def take(self, rows: Iterable[Row], until_us: int) -> list[Event]:
         """Take these rows, which are in order, and all that time brings up to `until_us`.

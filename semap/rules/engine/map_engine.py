@@ -1,51 +1,37 @@
-"""The rules of one map at work: rows that arrive, wait, and are taken in order."""
+"""The rules of one map at work: they take rows in order, and of each other the events."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
+from semap.rules.engine.changes import Late
 from semap.rules.engine.flow import Flow
-from semap.rules.engine.plan import Plan, plan_of
+from semap.rules.engine.plan import plan_of
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_run import RuleRun, Timers
-from semap.rules.engine.sources import Sources
+from semap.rules.engine.step import NEVER_US
 from semap.rules.engine.waiting import Waiting, order_of
 from semap.rules.row import Row
-from semap.rules.row_json import RowJson, dump_row
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Late:
-    """A row that came after rows of later stamps had been taken.
-
-    watermark_us  up to which they had
-    """
-
-    map_id: int
-    row: Row
-    watermark_us: int
-
-    def row_json(self) -> RowJson:
-        return dump_row(self.row)
 
 
 class MapEngine:
     """Mutable.
 
-    late     rows that came too late for some rule, since they were last asked for
-    dropped  what states of rules that are no longer at work were stored under: (rule_id, key)
-    failed   rules that an unforeseen error has put out of force, since they were last asked for
+    released_us  up to where rows have been taken
+    waiting      events of the map's edits, which stand behind that
+    late         events that came too late for some rule, since they were last asked for
+    dropped      what states of rules that are no longer at work were stored under: (rule_id, key)
+    failed       rules that an unforeseen error has put out of force, since they were last asked for
     """
 
     def __init__(self, map_id: int) -> None:
         self.map_id = map_id
-        self.sources = Sources()
+        self.released_us = NEVER_US
         self.waiting = Waiting()
         self.late: list[Late] = []
         self.dropped: set[tuple[int, str]] = set()
@@ -55,11 +41,6 @@ class MapEngine:
         self._rules: dict[int, Rule] = {}
         self._runs: dict[int, RuleRun] = {}
         self._given_up: dict[int, GivenUp] = {}
-        self._may_have_edits = False
-
-    @property
-    def plan(self) -> Plan:
-        return self._flow.plan
 
     @property
     def runs(self) -> Mapping[int, RuleRun]:
@@ -88,7 +69,7 @@ class MapEngine:
             rules[rule_id] = rule
         if run is not None:
             runs[rule_id] = run
-        self._flow.plan = plan_of(rules.values(), runs)
+        self._flow.follow(plan_of(rules.values(), runs))
         if rule_id in self._runs:
             self.dropped.update((rule_id, text) for text in self._runs[rule_id].stored())
         self._waits, self._ordered = self._flow.plan.waiting(), self._flow.plan.ordered()
@@ -108,29 +89,7 @@ class MapEngine:
         else:
             run.add_given_up(given_up)
 
-    def arrive(self, row: Row) -> list[Event]:
-        """Take a row off the log; gives the events that it makes although it cannot stand in the order.
-
-        One by an edit of the map stands where the map is, if that has passed it.
-        """
-        released_us = self.sources.released_us
-        name, source = row.values["input"], row.source
-        is_late = row.stamp_us <= released_us
-        if is_late and _is_edit(row):
-            row = replace(row, stamp_us=released_us + 1)
-            is_late, self._may_have_edits = False, True
-        if is_late and name in self._ordered[source]:
-            self.late.append(Late(self.map_id, row, released_us))
-        if not is_late and name in self._waits[source]:
-            self.waiting.add(row)
-        return self._take_as_it_comes(row) if is_late or source == "map" else []
-
-    def retract(self, uid: str, row: Row) -> None:
-        """A row that has come was none: it waits no more. Where rules took it, `row` says so, and is late."""
-        if not self.waiting.retract_changes(uid) and row.values["input"] in self._waits[row.source]:
-            self.late.append(Late(self.map_id, row, self.sources.released_us))
-
-    def _take_as_it_comes(self, row: Row) -> list[Event]:
+    def take_as_it_comes(self, row: Row) -> list[Event]:
         """Give a row to the rules that need no order."""
         if row.source == "object_state" and row.values.get("previous") == row.values["type"]:
             return []
@@ -144,32 +103,29 @@ class MapEngine:
             for event, match in made:
                 events.append(event)
                 if run.rule.name in self._flow.plan.of_events:
-                    events += self.arrive(run.maker.row(event, match, row.stamp_us))
+                    events += self._hear(run.maker.row(event, match, row.stamp_us))
         return events
 
-    def due(self) -> tuple[int, Sequence[Row]] | None:
-        """Up to where rows may be taken now, and those, in order: of an edit of the map at once."""
-        released_us, until_us = self.sources.released_us, self.sources.watermark_us()
-        if until_us > released_us:
-            return until_us, self.waiting.until(until_us)
-        if not self._may_have_edits:
-            return None
-        edits = [row for row in self.waiting.until(released_us + 1) if _is_edit(row)]
-        self._may_have_edits = bool(edits)
-        return (released_us, edits) if edits else None
+    def _hear(self, row: Row) -> list[Event]:
+        """An event of a row that came as it did: it waits as that does, or is as late."""
+        name, source = row.values["input"], row.source
+        if row.stamp_us > self.released_us:
+            if name in self._waits[source]:
+                self.waiting.add(row)
+            return []
+        if name in self._ordered[source]:
+            self.late.append(Late(self.map_id, row, self.released_us))
+        return self.take_as_it_comes(row)
 
-    def take(self, rows: Iterable[Row], until_us: int) -> list[Event]:
-        """Take these rows, which were due and are in order, and all that time brings up to `until_us`."""
-        taken = list(rows)
-        events = self._flow.take(taken, until_us)
+    def take(self, rows: Sequence[Row], until_us: int) -> list[Event]:
+        """Take these rows, which are due and in order, and all that time brings up to `until_us`."""
+        own = self.waiting.until(until_us)
+        events = self._flow.take(sorted((*rows, *own), key=order_of) if own else rows, until_us)
         for run, error in self._flow.failed:
             self.fail(run, error)
         self._flow.failed.clear()
         self.waiting.remove_until(until_us)
-        for row in taken:
-            if row.stamp_us > until_us:
-                self.waiting.retract_changes(row.uid)
-        self.sources.released_us = until_us
+        self.released_us = until_us
         return events
 
     def fail(self, run: RuleRun, error: Exception) -> None:
@@ -186,13 +142,12 @@ class MapEngine:
         """
         run = RuleRun(self._rules[rule_id], Timers())
         alone = Flow()
-        alone.plan = plan_of(self._rules.values(), {rule_id: run})
+        alone.follow(plan_of(self._rules.values(), {rule_id: run}))
         ordered = sorted(rows, key=order_of)
-        released_us = self.sources.released_us
+        released_us = self.released_us
         alone.timers = Timers()
         run.move_to(alone.timers)
-        # a row of an edit of the map may wait behind its own stamp, and is taken there
-        passed = [row for row in ordered if row.stamp_us <= released_us and row.uid not in self.waiting]
+        passed = [row for row in ordered if row.stamp_us <= released_us]
         events = alone.take(passed, released_us)
         if alone.failed:
             self.fail(*alone.failed[0])
@@ -216,11 +171,5 @@ class MapEngine:
 
     def wake(self) -> None:
         """Once all states and rows are loaded."""
-        self._may_have_edits = True
         for run in self._runs.values():
             run.move_to(self._flow.timers)
-
-
-def _is_edit(row: Row) -> bool:
-    """Whether a row comes of an edit of the map, which has a place in the log rather than in event time."""
-    return row.source == "map" or row.values.get("cause") == "map"

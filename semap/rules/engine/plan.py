@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Generic, TypeAlias, TypeVar
 
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
-from semap.rules.engine.rule_run import RuleRun
-from semap.rules.needs import Needs, needs_no_order, needs_of
+from semap.rules.needs import needs_no_order
 from semap.rules.row import RANKS, Source
 
 SOURCES: tuple[Source, ...] = tuple(RANKS)
 
-Readers: TypeAlias = Mapping[Source, Mapping[str, tuple[RuleRun, ...]]]
+AtWork = TypeVar("AtWork")
+"""What stands for a rule in force: what runs it, or where nothing does, its id."""
+Readers: TypeAlias = Mapping[Source, Mapping[str, tuple[AtWork, ...]]]
 """By what a row is and the name of its input."""
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(Generic[AtWork]):
     """The rules in force on a map, those that are read before those that read them.
 
     in_order   take rows as they are released, each before the next
@@ -28,11 +29,11 @@ class Plan:
     of_events  read the events of a rule, by its name
     """
 
-    runs: tuple[RuleRun, ...]
-    in_order: Readers
-    in_moment: Readers
-    as_come: Readers
-    of_events: Mapping[str, tuple[RuleRun, ...]]
+    runs: tuple[AtWork, ...]
+    in_order: Readers[AtWork]
+    in_moment: Readers[AtWork]
+    as_come: Readers[AtWork]
+    of_events: Mapping[str, tuple[AtWork, ...]]
 
     def waiting(self) -> Mapping[Source, frozenset[str]]:
         """The inputs whose rows wait for the watermark."""
@@ -50,29 +51,13 @@ class Plan:
             for source in SOURCES
         }
 
-    def needs(self) -> Needs:
-        """What rows need before they are taken."""
-        needs = Needs()
-        for run in self.runs:
-            needs |= needs_of(run.rule.declaration)
-        return needs
-
-    def queries(self) -> Mapping[int, str]:
-        """The continuous queries that are read, by id."""
-        return {
-            run.rule.queries[item.name]: item.name
-            for run in self.runs
-            for item in run.rule.declaration.inputs
-            if item.name in run.rule.queries
-        }
-
     def names(self, source: Source) -> frozenset[str]:
         """The inputs of one kind that are read."""
         return frozenset((*self.in_order[source], *self.in_moment[source], *self.as_come[source]))
 
 
-def plan_of(rules: Iterable[Rule], runs: Mapping[int, RuleRun]) -> Plan:
-    """The plan for all rules of a map, of which `runs` holds those at work; sets their places.
+def plan_of(rules: Iterable[Rule], runs: Mapping[int, AtWork]) -> Plan[AtWork]:
+    """The plan for all rules of a map, of which `runs` holds those at work.
 
     raises InvalidInput if rules read one another in a circle
     """
@@ -81,14 +66,16 @@ def plan_of(rules: Iterable[Rule], runs: Mapping[int, RuleRun]) -> Plan:
     order = order_of_rules(
         {name: [each for source, each in inputs if source == "event"] for name, inputs in read.items()}
     )
-    at_work = tuple(runs[known[name].rule_id] for name in order if known[name].rule_id in runs)
-    in_order, in_moment, as_come = _no_readers(), _no_readers(), _no_readers()
-    of_events: dict[str, tuple[RuleRun, ...]] = {}
-    for place, run in enumerate(at_work):
-        run.place = place
-        inputs = read[run.rule.name]
+    at_work = [(known[name], runs[known[name].rule_id]) for name in order if known[name].rule_id in runs]
+    tables: list[dict[Source, dict[str, tuple[AtWork, ...]]]] = [
+        {source: {} for source in SOURCES} for _ in range(3)
+    ]
+    in_order, in_moment, as_come = tables
+    of_events: dict[str, tuple[AtWork, ...]] = {}
+    for rule, run in at_work:
+        inputs = read[rule.name]
         table = in_moment if any(source == "event" for source, _ in inputs) else in_order
-        is_free = needs_no_order(run.rule.declaration)
+        is_free = needs_no_order(rule.declaration)
         for source, name in inputs:
             if is_free:
                 as_come[source][name] = (*as_come[source].get(name, ()), run)
@@ -96,12 +83,8 @@ def plan_of(rules: Iterable[Rule], runs: Mapping[int, RuleRun]) -> Plan:
                 table[source][name] = (*table[source].get(name, ()), run)
             if source == "event":
                 of_events[name] = (*of_events.get(name, ()), run)
-    return Plan(at_work, in_order, in_moment, as_come, of_events)
+    return Plan(tuple(run for _, run in at_work), in_order, in_moment, as_come, of_events)
 
 
 def _inputs_of(rule: Rule, names: frozenset[str]) -> frozenset[tuple[Source, str]]:
     return frozenset((rule.source_of(item, names), item.name) for item in rule.declaration.inputs)
-
-
-def _no_readers() -> dict[Source, dict[str, tuple[RuleRun, ...]]]:
-    return {source: {} for source in SOURCES}

@@ -9,7 +9,8 @@ from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.rules.engine.engine import Engine
 from semap.rules.engine.rule import Rule
-from semap.rules.engine.waiting import stamp_of
+from semap.rules.engine.step import AsItComes, Due
+from semap.rules.engine.waiting import in_order, stamp_of
 from semap.rules.row import Row
 
 ROWS_AT_ONCE = 20
@@ -35,25 +36,24 @@ def run_over(
         engine.change_rule(rule.rule_id, rule)
         map_ids.add(rule.map_id)
     events: list[Event] = []
-    kept = [row for row in rows if row.stamp_us <= until_us]
+    kept = in_order({row.uid: row for row in rows if row.stamp_us <= until_us}.values())
     for map_id in sorted(map_ids):
-        for together in _in_turn(kept):
+        for together in _some_at_a_time(kept):
             for row in together:
-                engine.arrive(map_id, row)
-            engine.watermark(map_id, 0, together[-1].stamp_us)
-            events += engine.release()
+                if row.source == "map":
+                    events += engine.take(AsItComes(map_id, row))
+            events += engine.take(Due(map_id, together[-1].stamp_us, together))
             watch(len(events))
-        engine.watermark(map_id, 0, until_us)
-        events += engine.release()
+        events += engine.take(Due(map_id, until_us, ()))
     for rule_id, given_up in engine.given_up.items():
         tell(engine.rules[rule_id], given_up)
     return events
 
 
-def _in_turn(rows: Iterable[Row]) -> Iterator[list[Row]]:
-    """Rows by their stamps, some at a time; those of one stamp are together."""
+def _some_at_a_time(rows: Iterable[Row]) -> Iterator[list[Row]]:
+    """Rows in order; those of one stamp are together."""
     together: list[Row] = []
-    for _, of_stamp in groupby(sorted(rows, key=stamp_of), key=stamp_of):
+    for _, of_stamp in groupby(rows, key=stamp_of):
         together += of_stamp
         if len(together) >= ROWS_AT_ONCE:
             yield together

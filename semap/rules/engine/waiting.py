@@ -51,11 +51,7 @@ class Waiting:
         found = [
             row for rows in (self._stored, self._new) for row in rows.values() if row.stamp_us <= watermark_us
         ]
-        found.sort(key=stamp_of)
-        # most rows stand alone at their stamp, and the whole order costs four times as much
-        if len(set(map(stamp_of, found))) < len(found):
-            found.sort(key=order_of)
-        return found
+        return in_order(found)
 
     def remove_until(self, watermark_us: int) -> None:
         """They have been taken."""
@@ -80,3 +76,12 @@ class Waiting:
         self._stored |= added
         self._new, self._removed = {}, []
         return added.values(), removed
+
+
+def in_order(rows: Iterable[Row]) -> list[Row]:
+    """The rows in the order in which rules take them."""
+    found = sorted(rows, key=stamp_of)
+    # most rows stand alone at their stamp, and the whole order costs four times as much
+    if len(set(map(stamp_of, found))) < len(found):
+        found.sort(key=order_of)
+    return found

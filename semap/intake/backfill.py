@@ -16,14 +16,14 @@ from semap.intake.enrichment import enriched
 from semap.intake.history_rows import FOR_EVER, Span, history_rows, unwritten_rows
 from semap.intake.inputs import RuleChange
 from semap.intake.kept import require_kept
+from semap.intake.place import Place
 from semap.model.event import Event
 from semap.rules.declaration import Declaration, IntervalPattern, TemporalFormula
 from semap.rules.engine.rule import Rule
-from semap.rules.engine.sources import NEVER_US
+from semap.rules.engine.step import NEVER_US, RuleChanged
 from semap.rules.needs import needs_of, properties_read
 from semap.rules.row import Row
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.progress import Progress
 
 log = logging.getLogger(__name__)
 
@@ -32,39 +32,39 @@ ENRICHED_AT_ONCE = 1000
 
 
 def begin_rule(
-    connection: psycopg.Connection, progress: Progress, change: RuleChange, made: Sequence[Event] = ()
-) -> list[Event]:
-    """Put a rule in force as it is declared now; gives the events that it makes of the past.
+    connection: psycopg.Connection, place: Place, change: RuleChange, made: Sequence[Event] = ()
+) -> Iterator[RuleChanged]:
+    """A rule is in force as it is declared now; where it was in force, with what it begins with.
 
     made  events that are not stored yet
     """
-    engine, rule = progress.engine, change.rule
-    known = engine.rules.get(change.rule_id)
+    intake, rule = place.intake, change.rule
+    known = intake.rules.get(change.rule_id)
     try:
-        engine.change_rule(change.rule_id, rule)
+        intake.change_rule(change.rule_id, rule)
     except InvalidInput as error:
         log.error("Rule %d is not in force: %s", change.rule_id, error)
-        engine.change_rule(change.rule_id, rule := None)
+        intake.change_rule(change.rule_id, rule := None)
     if rule is None:
-        progress.seams.pop(change.rule_id, None)
-        return []
-    seam = change.seam if change.seam != progress.seams.get(rule.rule_id) else None
-    if not rule.enabled or (rule == known and seam is None):
-        return []
-    span = _span(rule.declaration, change, seam, engine.released_us(rule.map_id))
-    if seam is not None:
-        progress.seams[rule.rule_id] = seam
+        place.seams.pop(change.rule_id, None)
+        if known is not None:
+            yield RuleChanged(known.map_id, change.rule_id, None)
+        return
+    seam = change.seam if change.seam != place.seams.get(rule.rule_id) else None
+    span = None
+    if rule.enabled and (rule != known or seam is not None):
+        span = _span(rule.declaration, change, seam, intake.released_us(rule.map_id))
+        if seam is not None:
+            place.seams[rule.rule_id] = seam
     if span is None or span.from_us is None:
-        return []
+        yield RuleChanged(rule.map_id, rule.rule_id, rule)
+        return
     _say_what_is_gone(connection, rule, span)
-    names = frozenset(each.name for each in engine.rules.values() if each.map_id == rule.map_id)
-    rows = history_rows(connection, rule, names, span, progress.facts)
-    rows += unwritten_rows(rule, names, span, made, progress.facts)
-    begun = engine.begin(
-        rule.rule_id, enriched_for(connection, rule, list({row.uid: row for row in rows}.values()))
-    )
-    from_stamp = to_datetime(span.from_us)
-    return [event for event in begun if event.stamp >= from_stamp]
+    names = frozenset(each.name for each in intake.rules.values() if each.map_id == rule.map_id)
+    rows = history_rows(connection, rule, names, span, place.facts)
+    rows += unwritten_rows(rule, names, span, made, place.facts)
+    ready = enriched_for(connection, rule, list({row.uid: row for row in rows}.values()))
+    yield RuleChanged(rule.map_id, rule.rule_id, rule, intake.begin(rule.map_id, ready), span.from_us)
 
 
 def _say_what_is_gone(connection: psycopg.Connection, rule: Rule, span: Span) -> None:

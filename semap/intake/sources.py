@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
-NEVER_US = -(2**63)
+from semap.rules.engine.step import NEVER_US
 
 
 @dataclass(frozen=True)
