@@ -160,3 +160,23 @@ begin
   update semap.progress set event_seq = v_after where worker = p_worker;
   return v_after - v_before;
 end $$;
+
+-- Write what a partition of a topic brought: events of rules that run elsewhere, which are numbered here and of which
+-- known ones are passed over, and rows that came too late; with the offset up to where it was read, all or nothing. It
+-- must be read from where it was, so that of two collectors only one goes on. Gives how many events are new.
+create or replace function semap.collect_events(
+  p_worker text, p_topic text, p_partition integer, p_from bigint, p_next bigint, p_events jsonb, p_late jsonb
+) returns bigint
+language plpgsql security definer set search_path = public, pg_temp as $$
+begin
+  insert into semap.collected (topic, partition, next_offset) values (p_topic, p_partition, p_from)
+  on conflict do nothing;
+  update semap.collected set next_offset = p_next
+  where topic = p_topic and partition = p_partition and next_offset = p_from;
+  if not found then
+    raise exception 'Another process has collected what is in partition % of %.', p_partition, p_topic
+      using errcode = 'serialization_failure';
+  end if;
+  perform semap.write_rows(p_worker, '{}', p_late);
+  return semap.add_events(p_worker, p_events);
+end $$;

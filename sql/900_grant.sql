@@ -52,7 +52,8 @@ to semap_ingest;
 
 grant execute on function semap.correct_some, semap.compact_states, semap.flush_silent_sources,
   semap.complete_silent_sources,
-  semap.commit_progress, semap.add_events, semap.commit_recompute, semap.retract_events to semap_worker;
+  semap.commit_progress, semap.add_events, semap.collect_events, semap.commit_recompute,
+  semap.retract_events to semap_worker;
 grant execute on function
   semap.ensure_partitions, semap.drop_day, semap.drop_rows
 to semap_worker;

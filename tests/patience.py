@@ -11,9 +11,13 @@ from threading import Event
 PATIENCE_S = 120.0
 
 
-def until(happens: Callable[[], object], otherwise: Callable[[], object] = lambda: "") -> None:
+def until(
+    happens: Callable[[], object],
+    otherwise: Callable[[], object] = lambda: "",
+    patience_s: float = PATIENCE_S,
+) -> None:
     """Look until it happens; `otherwise` says what was there instead, or raises."""
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + patience_s
     while not happens():
         said = otherwise()
         assert time.monotonic() < deadline_s, said

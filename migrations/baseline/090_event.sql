@@ -48,6 +48,15 @@ comment on column semap.progress.late_rows is 'How many rows came after the wate
 comment on column semap.progress.alive_at is
   'When the worker last said that it is at work, by the clock of the database.';
 
+create table semap.collected (
+  topic        text not null,
+  partition    integer not null,
+  next_offset  bigint not null,
+  primary key (topic, partition)
+);
+comment on table semap.collected is
+  'Up to where topics of events were read that rules made elsewhere; it moves in the transaction that writes them.';
+
 create table semap.rule_state (
   worker   text not null,
   rule_id  integer not null,

@@ -40,6 +40,7 @@ from semap.intake.map_facts import MapFacts
 from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
+from semap.rules.engine.event_document import event_json
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.run_over import run_over
 from semap.rules.engine.step import NEVER_US
@@ -48,7 +49,7 @@ from semap.rules.needs import Needs, needs_of
 from semap.rules.row import Row
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker.progress import ROLE, WORKER, event_json
+from semap.worker.progress import ROLE, WORKER
 
 WARM_UP_S = 60.0
 """So much more is smoothed on both sides: what lies further away hardly counts."""

@@ -93,6 +93,10 @@ class MapFacts:
             self._known.pop(instance_id, None)
         self._gone.clear()
 
+    def map_uid(self, map_id: int) -> str:
+        """The same in whatever database the map is; also of one that has just gone."""
+        return self._maps.get(map_id, "")
+
     def of(self, instance_id: int) -> Facts | None:
         """What is known of an instance; None where it is not there."""
         known = self._gone.get(instance_id) or self._known.get(instance_id)

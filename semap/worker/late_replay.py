@@ -23,13 +23,14 @@ from semap.intake.map_facts import MapFacts
 from semap.intake.stored_facts import load_map_facts
 from semap.model.event import Event
 from semap.model.given_up import GivenUp
+from semap.rules.engine.event_document import event_json
 from semap.rules.engine.rule import Rule
 from semap.rules.engine.rule_order import order_of_rules
 from semap.rules.engine.run_over import run_over
 from semap.rules.lookback import lookback_us
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import parse_stamp, to_datetime, to_us
-from semap.worker.progress import ROLE, WORKER, event_json
+from semap.worker.progress import ROLE, WORKER
 
 LATE = """
     select l.map_id, min(l.stamp), array_agg(l.late_row_id),

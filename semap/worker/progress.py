@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, fields
-from datetime import datetime
+from dataclasses import asdict, dataclass, field
 from itertools import zip_longest
 from typing import TypeAlias
-from uuid import UUID
 
 import psycopg
 from psycopg.types.json import Jsonb
@@ -20,11 +18,12 @@ from semap.intake.inputs import read_rule
 from semap.intake.intake import Intake
 from semap.intake.place import Place
 from semap.intake.stored_facts import load_map_facts
-from semap.model.event import Event, Evidence
+from semap.model.event import Event
 from semap.model.given_up import GivenUp
 from semap.replication.pgoutput import format_lsn, parse_lsn
 from semap.rules.engine.changes import Changes
 from semap.rules.engine.engine import Engine
+from semap.rules.engine.event_document import event_json
 from semap.rules.engine.step import NEVER_US, Step
 from semap.rules.row_json import RowJson
 from semap.store.database.connection import translated
@@ -49,10 +48,12 @@ PART_CHARACTERS = 16_000_000
 class Progress(Place):
     """Mutable: a place in the log, and what both halves of the engine knew there.
 
+    published_as  the shard's name, where rules run elsewhere, on what is published; they are none here then
     rules_stored  the rules as they were committed last; None where that is not known
     """
 
     rules: Engine = field(default_factory=Engine)
+    published_as: str | None = None
     rules_stored: Mapping[str, object] | None = None
 
     def take(self, step: Step) -> list[Event]:
@@ -77,6 +78,7 @@ class Progress(Place):
             "committed_at_us": self.committed_at_us,
             "given_up": self._given_up_json(),
             "facts_at_us": self.facts_at_us,
+            "published_as": self.published_as,
             "maps": self.intake.watermarks_json(),
             "heard": {source_id: asdict(each) for source_id, each in self.heard.items()},
         }
@@ -127,14 +129,8 @@ def load_progress(connection: psycopg.Connection) -> Progress:
     read = (read_rule(int(rule_id), document) for rule_id, document in documents.items())
     rules = [rule for rule in read if rule is not None]
     marks = watermarks.get("maps", {})
-    with translated():
-        states = connection.execute(
-            "select rule_id, key, state from semap.rule_state where worker = %s", [WORKER]
-        ).fetchall()
-        waiting = connection.execute(
-            "select map_id, row from semap.pending_row where worker = %s", [WORKER]
-        ).fetchall()
-    intake_rows, rule_rows = halves(waiting)
+    published_as = watermarks.get("published_as")
+    intake_rows, rule_rows = halves(read_waiting(connection))
     progress = Progress(
         lsn=parse_lsn(lsn),
         committed_at_us=committed_at_us,
@@ -143,10 +139,13 @@ def load_progress(connection: psycopg.Connection) -> Progress:
         facts_at_us=facts_at_us,
         seams={int(rule_id): document["seam"] for rule_id, document in documents.items() if document["seam"]},
         heard={int(source_id): Heard(**each) for source_id, each in watermarks.get("heard", {}).items()},
-        rules=Engine.restore(
+        published_as=published_as,
+        rules=Engine()
+        if published_as
+        else Engine.restore(
             rules,
             {int(map_id): mark["released_us"] for map_id, mark in marks.items()},
-            states,
+            read_states(connection),
             rule_rows,
             {
                 int(rule_id): GivenUp.from_json(each)
@@ -156,6 +155,22 @@ def load_progress(connection: psycopg.Connection) -> Progress:
     )
     progress._forget_failed()
     return progress
+
+
+def read_states(connection: psycopg.Connection) -> list[tuple[int, str, object]]:
+    """What rules have under way: rule, key, state."""
+    with translated():
+        return connection.execute(
+            "select rule_id, key, state from semap.rule_state where worker = %s", [WORKER]
+        ).fetchall()
+
+
+def read_waiting(connection: psycopg.Connection) -> list[RowOfMap]:
+    """The rows that wait, of both halves."""
+    with translated():
+        return connection.execute(
+            "select map_id, row from semap.pending_row where worker = %s", [WORKER]
+        ).fetchall()
 
 
 def halves(pending: Iterable[RowOfMap]) -> tuple[list[RowOfMap], list[RowOfMap]]:
@@ -181,7 +196,7 @@ def commit_progress(connection: psycopg.Connection, before_lsn: int, after: Prog
         _states_json(changes),
         ({"map_id": map_id, "uid": uid, "row": row} for map_id, uid, row in changes.pending_added),
         ({"map_id": map_id, "uid": uid} for map_id, uid in changes.pending_removed),
-        _late_json(changes),
+        (late.as_json() for late in changes.late),
     )
     gone_maps = list(made.gone_maps)
     # what is one statement needs no transaction around it
@@ -233,42 +248,6 @@ def say_alive(connection: psycopg.Connection) -> None:
         )
 
 
-def event_json(event: Event) -> dict[str, object]:
-    """An event as the functions of the database take it."""
-    return _named(event)
-
-
-def _named(value: Event | Evidence) -> dict[str, object]:
-    return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
-
-
-def _plain(value: object) -> object:
-    match value:
-        case UUID():
-            return str(value)
-        case datetime():
-            return value.isoformat()
-        case Mapping():
-            return dict(value)
-        case tuple():
-            return [_named(each) for each in value]
-    return value
-
-
 def _states_json(changes: Changes) -> Iterator[dict[str, object]]:
     for (rule_id, key), state in changes.states.items():
         yield {"rule_id": rule_id, "key": key, "state": state}
-
-
-def _late_json(changes: Changes) -> list[dict[str, object]]:
-    return [
-        {
-            "map_id": late.map_id,
-            "uid": late.row.uid,
-            "input": late.row.values["input"],
-            "stamp": to_datetime(late.row.stamp_us).isoformat(),
-            "watermark": to_datetime(late.watermark_us).isoformat(),
-            "row": late.row_json(),
-        }
-        for late in changes.late
-    ]

@@ -20,7 +20,7 @@ from semap.replication.pgoutput import Change, Transaction, parse_lsn
 from semap.store.database.connection import connect, translated
 from semap.timeline.stamp import to_us
 from semap.worker.making import Making
-from semap.worker.progress import ROLE, WORKER, Progress, commit_progress, load_progress
+from semap.worker.progress import ROLE, WORKER, Progress, load_progress
 
 SINCE = {
     "relation_change": f"""
@@ -121,9 +121,9 @@ def _catch_up(connection: psycopg.Connection) -> int:
     ]
     changes = (*gone, *rules, *missed, *_changes(connection, "source", NOW["source"]), *_gone(connection))
     now_s = time.monotonic()
-    making = Making(Stretch(connection, progress, now_s), progress)
+    making = Making(connection, Stretch(connection, progress, now_s), progress)
     making.take(Transaction(parse_lsn(lsn), changes, to_us(now)), now_s)
-    newest = commit_progress(connection, 0, progress, making.made)
+    newest = making.commit(connection, 0)
     connection.commit()
     return newest - int(event_seq)
 

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from threading import Event as Signal
 
 import psycopg
 
-from semap.errors import ServerUnavailable, SlotLost
+from semap.errors import ServerUnavailable, ServiceUnreachable, SlotLost
 from semap.intake.map_facts import PUBLICATION as MAP_PUBLICATION
 from semap.intake.stretch import Stretch
 from semap.replication.pgoutput import format_lsn
@@ -26,7 +26,8 @@ from semap.replication.stream import ReplicationStream, SlotInUse, open_stream
 from semap.store.database.backoff import Patience
 from semap.store.database.connection import connect, translated
 from semap.worker.making import Making
-from semap.worker.progress import ROLE, Made, Progress, commit_progress, load_progress, note_idle, say_alive
+from semap.worker.progress import ROLE, load_progress, note_idle, say_alive
+from semap.worker.publishing import Publishing
 
 log = logging.getLogger(__name__)
 
@@ -37,23 +38,24 @@ ALIVE_S = 5.0
 """So often the worker says that it is at work, in the same thread, so that one that hangs does not."""
 
 
-def work(dsn: str, stop: Signal) -> None:
-    """Follow the log until `stop` is set; a lost server is awaited, a taken slot too.
+def work(dsn: str, stop: Signal, making: Callable[..., Making | Publishing] = Making) -> None:
+    """Follow the log until `stop` is set; a lost server or broker is awaited, a taken slot too.
 
-    raises SlotLost where the slot is gone, so that changes may have been missed
+    making  what is done with what the log says, of a connection, a stretch and progress
+    raises  SlotLost where the slot is gone, so that changes may have been missed; Conflict as `making` does
     """
     patience = Patience(log, "Changes wait to become events")
     while not stop.is_set():
         try:
-            for _ in _follow(dsn, stop):
+            for _ in _follow(dsn, stop, making):
                 patience.restored()
         except SlotLost:
             raise
-        except (ServerUnavailable, psycopg.OperationalError) as error:
+        except (ServerUnavailable, ServiceUnreachable, psycopg.OperationalError) as error:
             patience.wait(error, stop, logging.INFO if isinstance(error, SlotInUse) else logging.WARNING)
 
 
-def _follow(dsn: str, stop: Signal) -> Iterator[None]:
+def _follow(dsn: str, stop: Signal, making: Callable[..., Making | Publishing]) -> Iterator[None]:
     """Read and commit; yields after a commit, so that its caller knows that all is well."""
     with connect(dsn, ROLE, application="semap work") as connection:
         # a look-up over many partitions looks dear, and is over long before it would be compiled
@@ -61,12 +63,14 @@ def _follow(dsn: str, stop: Signal) -> Iterator[None]:
         progress = load_progress(connection)
         if progress.lsn == 0:
             raise SlotLost("A `semap db resync` was begun and did not end.", "Run `semap db resync` again.")
+        stretch = Stretch(connection, progress, time.monotonic())
+        made = making(connection, stretch, progress)
         stream = open_stream(dsn, _slot(connection), PUBLICATIONS, progress.lsn)
         log.info(
             "Following the log from %s with %d rules.", format_lsn(progress.lsn), len(progress.intake.rules)
         )
         try:
-            yield from Reading(connection, stream, progress).run(stop)
+            yield from Reading(connection, stream, stretch, made).run(stop)
         finally:
             stream.close()
 
@@ -74,12 +78,18 @@ def _follow(dsn: str, stop: Signal) -> Iterator[None]:
 class Reading:
     """Mutable: the log as it comes in, and how much of it is committed."""
 
-    def __init__(self, connection: psycopg.Connection, stream: ReplicationStream, progress: Progress) -> None:
+    def __init__(
+        self,
+        connection: psycopg.Connection,
+        stream: ReplicationStream,
+        stretch: Stretch,
+        making: Making | Publishing,
+    ) -> None:
         self._connection = connection
         self._stream = stream
-        self._progress = progress
-        self._stretch = Stretch(connection, progress, time.monotonic())
-        self._making = Making(self._stretch, progress)
+        self._progress = progress = making.progress
+        self._stretch = stretch
+        self._making = making
         self._committed_lsn = progress.lsn
         self._commit_due_s: float | None = None
         self._given_up = progress.rules.given_up
@@ -94,7 +104,7 @@ class Reading:
                     self._commit_due_s = time.monotonic() + QUIET_COMMIT_S
                 self._making.take(transaction, time.monotonic())
             self._note_silence()
-            if self._making.made != Made() or (self._commit_due_s or float("inf")) <= time.monotonic():
+            if self._making.has_made() or (self._commit_due_s or float("inf")) <= time.monotonic():
                 self._commit()
                 yield
             self._say_alive()
@@ -109,8 +119,7 @@ class Reading:
 
     def _commit(self) -> None:
         lsn = self._progress.lsn
-        commit_progress(self._connection, self._committed_lsn, self._progress, self._making.made)
-        self._making.begin()
+        self._making.commit(self._connection, self._committed_lsn)
         self._committed_lsn, self._commit_due_s = lsn, None
         self._stream.acknowledge(lsn)
         self._say_what_was_given_up()

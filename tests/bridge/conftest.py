@@ -2,10 +2,12 @@ from collections.abc import Iterator
 
 import pytest
 from patience import until
+from semap_bridge.relay.topics import Topics as RelayTopics
 from semap_ingest.simulation.office import OfficePaths, write_office
 from semap_ingest.simulation.settings import OfficeSettings
 from semap_service.evaluation.play import set_the_stage
 from server import fresh_database
+from topics import Topics
 
 from bench.kafka.broker import Broker, KafkaMissing, running_broker
 from semap.cluster import Cluster
@@ -46,3 +48,18 @@ def broker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
             yield running
     except KafkaMissing as missing:
         pytest.skip(str(missing))
+
+
+@pytest.fixture
+def relay(broker: Broker) -> RelayTopics:
+    made = RelayTopics(broker.address, Topics(broker).word)
+    made.make(partitions=3)
+    return made
+
+
+@pytest.fixture
+def other_database(cluster: Cluster, template: str) -> Iterator[str]:
+    with fresh_database(cluster, template) as dsn:
+        with connect(dsn) as connection:
+            ensure_slot(connection)
+        yield dsn

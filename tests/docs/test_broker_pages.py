@@ -23,11 +23,14 @@ def with_broker(page: str, folder: Path, said: str, address: str) -> Path:
     return copied
 
 
-def test_the_page_about_kafka_is_true(reader: Session, tmp_path_factory: pytest.TempPathFactory) -> None:
+@pytest.mark.parametrize("page", ["how-to/kafka.md", "how-to/rules-apart.md"])
+def test_a_page_about_kafka_is_true(
+    reader: Session, tmp_path_factory: pytest.TempPathFactory, page: str
+) -> None:
     folder = tmp_path_factory.mktemp("kafka")
     try:
         with running_broker(folder, until) as broker:
-            reader.follow(with_broker("how-to/kafka.md", folder, "localhost:9092", broker.address))
+            reader.follow(with_broker(page, folder, "localhost:9092", broker.address))
     except KafkaMissing as missing:
         pytest.skip(str(missing))
 

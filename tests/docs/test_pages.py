@@ -28,7 +28,7 @@ PAGES = (
     "docs/how-to/write-a-map.md",
 )
 SLOW = ("docs/how-to/recording.md", "docs/how-to/ros2-robot.md")
-WITH_BROKERS = ("docs/how-to/kafka.md", "docs/bridges/nats.md")
+WITH_BROKERS = ("docs/how-to/kafka.md", "docs/how-to/rules-apart.md", "docs/bridges/nats.md")
 """See test_broker_pages."""
 
 

@@ -29,6 +29,7 @@ REFUSED = {
         STATE, "delete from semap.event", "delete from semap.relation_change", "update semap.progress set event_seq = 9",
         "delete from semap.object_state", "delete from semap.rule_version", "delete from semap.rule_query",
         "delete from semap.rule_state", "select semap.add_events('rules', '[]')",
+        "select semap.collect_events('rules', 't', 0, 0, 1, '[]', '[]')",
         "delete from semap.relation", "update semap.track_now set live = true", "update semap.region set z_min_m = 0",
         "update semap.map set cell_m = 1", "select semap.ensure_partitions(array[current_date])",
         "select semap.commit_progress('rules', '0/0', '0/0', '{}', '{}', '{}', '[]')",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from semap.rules.row import Row
 from semap.rules.row_json import RowJson, dump_row
+from semap.timeline.stamp import to_datetime
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,16 @@ class Late:
     row: Row
     watermark_us: int
 
-    def row_json(self) -> RowJson:
-        return dump_row(self.row)
+    def as_json(self) -> dict[str, object]:
+        """As the functions of the database take it."""
+        return {
+            "map_id": self.map_id,
+            "uid": self.row.uid,
+            "input": self.row.values["input"],
+            "stamp": to_datetime(self.row.stamp_us).isoformat(),
+            "watermark": to_datetime(self.watermark_us).isoformat(),
+            "row": dump_row(self.row),
+        }
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "rules and their state": (
         "rule", "rule_query", "rule_version", "rule_state", "pending_row", "late_row", "progress",
+        "collected",
     ),
     "history of the map": ("change_set", "row_version"),
     "map and meshes": (

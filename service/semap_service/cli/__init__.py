@@ -29,6 +29,7 @@ from semap_service.cli import (
     recompute,
     recording,
     relations,
+    relay,
     rigs,
     rules,
     simulate,
@@ -94,6 +95,10 @@ def commands() -> typer.Typer:
     app.add_typer(evaluate.commands(), name="evaluate")
     app.command("work")(processes.work)
     app.command("serve")(processes.serve)
+    app.command("publish")(relay.publish)
+    app.command("derive")(relay.derive)
+    app.command("collect")(relay.collect)
+    app.add_typer(relay.commands(), name="flink")
     app.command("doctor")(doctor.doctor)
     app.add_typer(database.commands(), name="db")
     return app

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -175,25 +176,33 @@ def work(
     states, run `semap db maintain` once an hour, answer requests for queries in SQL, compact states, and mark
     idle sources.
     """
-    from semap.worker.correcting import correcting  # noqa: PLC0415
-    from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
-    from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.rule_worker import work as follow  # noqa: PLC0415
-    from semap.worker.settling import settling  # noqa: PLC0415
-    from semap_service.operations.tracing import traced  # noqa: PLC0415
     from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
 
     write_log(log_format, log_level)
     stop = stop_signal()
+    with at_work("semap work", dsn) as opened:
+        follow(opened, stop)
+
+
+@contextmanager
+def at_work(name: str, dsn: str | None) -> Iterator[str]:
+    """The database, while background tasks of whoever follows its log go on."""
+    from semap.worker.correcting import correcting  # noqa: PLC0415
+    from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
+    from semap.worker.query_requests import answering  # noqa: PLC0415
+    from semap.worker.settling import settling  # noqa: PLC0415
+    from semap_service.operations.tracing import traced  # noqa: PLC0415
+
     with (
-        traced("semap work"),
+        traced(name),
         database(dsn) as opened,
         housekeeping(opened),
         answering(opened),
         settling(opened),
         correcting(opened),
     ):
-        follow(opened, stop)
+        yield opened
 
 
 def serve(
