@@ -31,6 +31,22 @@ State = Annotated[Path, typer.Option(help="File that keeps what rules have under
 Prefix = Annotated[str, typer.Option(help="Of the topics: PREFIX.due and PREFIX.events.")]
 
 
+FlinkPython = Annotated[
+    Path,
+    typer.Option(
+        envvar="SEMAP_FLINK_PYTHON",
+        help="Interpreter that has PyFlink, shapely and PyYAML.",
+        show_default=False,
+    ),
+]
+Connector = Annotated[
+    Path,
+    typer.Option(
+        envvar="SEMAP_FLINK_CONNECTOR", help="The JAR flink-sql-connector-kafka.", show_default=False
+    ),
+]
+
+
 def publish(
     kafka: Kafka,
     shard: Shard = "main",
@@ -102,8 +118,44 @@ def collect(
 
 def commands() -> typer.Typer:
     app = typer.Typer(help="Rules on Apache Flink.", no_args_is_help=True)
+    app.command("submit")(submit)
     app.command("check")(check)
     return app
+
+
+def submit(
+    kafka: Kafka,
+    python: FlinkPython,
+    connector: Connector,
+    checkpoints: Annotated[Path, typer.Option(help="Folder for checkpoints.", show_default=False)],
+    parallelism: Annotated[int, typer.Option(min=1, help="How many tasks share the maps.")] = 1,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A setting of Flink. More than once."),
+    ] = None,
+    prefix: Prefix = "semap",
+) -> None:
+    """Run the rules of all maps on Flink, in a cluster of this process, in place of `semap derive`.
+
+    Begun again, it takes up where the newest checkpoint of the folder was.
+    """
+    from semap.errors import InvalidInput, ServiceUnreachable  # noqa: PLC0415
+    from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
+
+    if Path(kafka).is_file():
+        raise InvalidInput("brokers with a login are not reached from Flink", "Give --kafka HOST:PORT.")
+    stop, topics = stop_signal(), _topics(kafka, prefix)
+    from semap_bridge.relay.flink import Job, running  # noqa: PLC0415
+
+    topics.make()
+    job = Job(kafka, prefix, python, connector, checkpoints, parallelism, setting or ())
+    newest = job.newest()
+    where = "from the first step on" if newest is None else f"from checkpoint {newest}"
+    with running(job) as process:
+        say(f"Rules take what comes in {topics.due}, {where} (Ctrl-C stops it).")
+        while not stop.wait(1):
+            if process.poll() is not None:
+                raise ServiceUnreachable("The job ended.", f"See the log in {checkpoints}.")
 
 
 def check(
