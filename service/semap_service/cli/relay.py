@@ -21,7 +21,7 @@ Shard = Annotated[str, typer.Option(help="Name of this database among those that
 Kafka = Annotated[
     str,
     typer.Option(
-        envvar="SEMAP_KAFKA",
+        envvar="SEMAP_KAFKA_SERVERS",
         metavar="SERVERS|FILE",
         help="Brokers, such as kafka1:9092,kafka2:9092, or a file of YAML with servers, login and tls.",
         show_default=False,
