@@ -10,15 +10,16 @@ create or replace view semap.pair_reach as
   from semap.query_predicate
   where in_pairs and enabled and follows_from in ('moment', 'trend');
 
--- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid whose cells
--- are as wide as the query reaches.
+-- Pairs of two tracks that may be in reach (p_reach_m) of each other, one of which moved: found in a grid in which each
+-- subject is in one cell, and each object in all cells in which somebody may be who reaches it, four at most.
 create or replace function semap.tracks_in_reach(
   p_query_id integer, p_reach_m double precision, p_moved semap.track_state[], p_others semap.track_state[]
 ) returns table (query_id integer, subject_key bigint, object_key bigint)
 language plpgsql stable as $$
 declare
-  v_cell_m       double precision;
-  v_have_others  constant boolean := coalesce(cardinality(p_others), 0) > 0;
+  c_cells_wide  constant double precision := 3; -- so many reaches: a cell has few others, and an object few cells
+  v_wide_m      double precision;
+  v_cell_m      double precision;
 begin
   if p_reach_m = 'infinity' then
     return query
@@ -31,25 +32,33 @@ begin
       where not s.is_object and (s.is_moved or o.is_moved);
     return;
   end if;
-  select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_cell_m
+  select greatest(p_reach_m + 2 * coalesce(max(m.half_m), 0), 0.1) into v_wide_m
   from semap.track_side s cross join lateral semap.track_members(array[p_query_id], p_moved || p_others) m
   where s.query_id = p_query_id and semap.covers_ground(s.compared);
+  v_cell_m := c_cells_wide * v_wide_m;
   return query
-    with celled as materialized (
-      select m.*, floor(m.x_m / v_cell_m)::bigint as cell_x, floor(m.y_m / v_cell_m)::bigint as cell_y
-      from (select t.*, true as is_moved from semap.track_members(array[p_query_id], p_moved) t
-            union all
-            select t.*, false from semap.track_members(array[p_query_id], p_others) t) m
+    with member as materialized (
+      select t.*, true as is_moved from semap.track_members(array[p_query_id], p_moved) t
+      union all
+      select t.*, false from semap.track_members(array[p_query_id], p_others) t
+    ), subject as materialized (
+      select s.*, floor(s.x_m / v_cell_m)::bigint as cell_x, floor(s.y_m / v_cell_m)::bigint as cell_y
+      from member s where not s.is_object
+    ), object as materialized (
+      select o.*, l.cell_x + dx as cell_x, l.cell_y + dy as cell_y
+      from member o
+      cross join lateral (
+        select floor((o.x_m - v_wide_m) / v_cell_m)::bigint as cell_x, floor((o.x_m + v_wide_m) / v_cell_m) as to_x,
+               floor((o.y_m - v_wide_m) / v_cell_m)::bigint as cell_y, floor((o.y_m + v_wide_m) / v_cell_m) as to_y) l
+      cross join (values (0), (1)) x (dx) cross join (values (0), (1)) y (dy)
+      where o.is_object and l.cell_x + dx <= l.to_x and l.cell_y + dy <= l.to_y
     )
-    select p_query_id, case when a.is_object then o.key else a.key end, case when a.is_object then a.key else o.key end
-    from celled a
-    cross join unnest(array[-1, 0, 1]) dx cross join unnest(array[-1, 0, 1]) dy
-    join celled o on o.cell_x = a.cell_x + dx and o.cell_y = a.cell_y + dy
-    where a.is_moved and (not a.is_object or v_have_others) and o.is_object <> a.is_object and o.key <> a.key
-      and not (a.is_object and o.is_moved)
-      and abs(a.x_m - o.x_m) <= p_reach_m + a.half_m + o.half_m
-        and abs(a.y_m - o.y_m) <= p_reach_m + a.half_m + o.half_m
-      and (a.half_m + o.half_m > 0 or (a.x_m - o.x_m) ^ 2 + (a.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);
+    select p_query_id, s.key, o.key
+    from subject s join object o on o.cell_x = s.cell_x and o.cell_y = s.cell_y
+    where (s.is_moved or o.is_moved) and o.key <> s.key
+      and abs(s.x_m - o.x_m) <= p_reach_m + s.half_m + o.half_m
+      and abs(s.y_m - o.y_m) <= p_reach_m + s.half_m + o.half_m
+      and (s.half_m + o.half_m > 0 or (s.x_m - o.x_m) ^ 2 + (s.y_m - o.y_m) ^ 2 <= (p_reach_m + 1e-6) ^ 2);
 end $$;
 
 -- Pairs of a track and an instance that may be in reach of each other, of which the track moved or the instance was

@@ -85,39 +85,67 @@ language sql immutable parallel safe as $$
              is_last, heading_rad, speed_mps, length_m, width_m, std_across_m, std_yaw_rad)::semap.state_chunk
 $$;
 
+-- A column of a chunk as a row of a matrix, from 1 on. What is null is there what no state has, since an element is
+-- found by its place only where none is null: NaN, and of standard deviations 0.1, which no real is.
+create or replace function semap.as_row(p_column anyarray, p_states integer, p_null anyelement) returns anyarray
+language sql immutable parallel safe as $$
+  select case when p_column is null then array_fill(p_null, array[p_states])
+              when array_ndims(p_column) > 1 then array(select coalesce(each, p_null) from unnest(p_column) each)
+              when array_position(p_column, null) is null then p_column[:]
+              else (array_replace(p_column, null, p_null))[:] end
+$$;
+
+-- Arrays, one behind the other.
+create or replace aggregate semap.joined(anycompatiblearray) (
+  sfunc = array_cat, stype = anycompatiblearray, parallel = safe
+);
+
 -- The states of these chunks of one half hour, and of so few stamps that an array of them is one piece of TOAST, as
--- chunks of one track each.
+-- chunks of one track each. Chunks of the same tracks are rows of a matrix, of which a track is a column.
 create or replace function semap.chunks_of_tracks(p_chunks semap.state_chunk[]) returns setof semap.state_chunk
 language sql immutable parallel safe rows 1000 as $$
   with has as (
-    select bool_or(z_m is not null) as z_m,
-           bool_or(std_m is not null) as std_m,
-           bool_or(is_last is not null) as is_last,
-           bool_or(heading_rad is not null) as heading_rad,
-           bool_or(speed_mps is not null) as speed_mps,
-           bool_or(length_m is not null) as length_m,
-           bool_or(width_m is not null) as width_m,
-           bool_or(std_across_m is not null) as std_across_m,
-           bool_or(std_yaw_rad is not null) as std_yaw_rad
+    select count(z_m) > 0 as z_m, count(std_m) > 0 as std_m, count(is_last) > 0 as is_last,
+           count(heading_rad) > 0 as heading_rad, count(speed_mps) > 0 as speed_mps, count(length_m) > 0 as length_m,
+           count(width_m) > 0 as width_m, count(std_across_m) > 0 as std_across_m, count(std_yaw_rad) > 0 as std_yaw_rad
     from unnest(p_chunks)
+  ), matrix as materialized (
+    select row_number() over () as number, i.track_ids, array_agg(c.from_stamp) as stamps,
+           array_agg(semap.as_row(c.x_m, c.states, 'NaN')) as x_m,
+           array_agg(semap.as_row(c.y_m, c.states, 'NaN')) as y_m,
+           array_agg(semap.as_row(c.z_m, c.states, 'NaN')) filter (where has.z_m) as z_m,
+           array_agg(semap.as_row(c.std_m::double precision[], c.states, '0.1')) filter (where has.std_m) as std_m,
+           array_agg(semap.as_row(c.is_last, c.states, false)) filter (where has.is_last) as is_last,
+           array_agg(semap.as_row(c.heading_rad, c.states, 'NaN')) filter (where has.heading_rad) as heading_rad,
+           array_agg(semap.as_row(c.speed_mps, c.states, 'NaN')) filter (where has.speed_mps) as speed_mps,
+           array_agg(semap.as_row(c.length_m, c.states, 'NaN')) filter (where has.length_m) as length_m,
+           array_agg(semap.as_row(c.width_m, c.states, 'NaN')) filter (where has.width_m) as width_m,
+           array_agg(semap.as_row(c.std_across_m, c.states, 'NaN')) filter (where has.std_across_m) as std_across_m,
+           array_agg(semap.as_row(c.std_yaw_rad, c.states, 'NaN')) filter (where has.std_yaw_rad) as std_yaw_rad
+    from has cross join unnest(p_chunks) c
+    cross join lateral (select semap.as_row(c.track_ids, c.states, 0::bigint) as track_ids) i group by i.track_ids
   ), by_track as (
-    select s.track_id, array_agg(s.stamp) as stamps, min(s.stamp) as from_stamp, max(s.stamp) as to_stamp,
-           array_agg(s.x_m) as x_m, array_agg(s.y_m) as y_m,
-           array_agg(s.z_m) filter (where has.z_m) as z_m,
-           array_agg(s.std_m) filter (where has.std_m) as std_m,
-           array_agg(s.is_last) filter (where has.is_last) as is_last,
-           array_agg(s.heading_rad) filter (where has.heading_rad) as heading_rad,
-           array_agg(s.speed_mps) filter (where has.speed_mps) as speed_mps,
-           array_agg(s.length_m) filter (where has.length_m) as length_m,
-           array_agg(s.width_m) filter (where has.width_m) as width_m,
-           array_agg(s.std_across_m) filter (where has.std_across_m) as std_across_m,
-           array_agg(s.std_yaw_rad) filter (where has.std_yaw_rad) as std_yaw_rad
-    from has cross join semap.states_in(p_chunks) s group by s.track_id
+    select track_ids[i] as track_id, array_agg(number) as numbers,
+           semap.joined(x_m[:][i:i]) as x_m, semap.joined(y_m[:][i:i]) as y_m,
+           array_replace(semap.joined(z_m[:][i:i]), 'NaN', null) as z_m,
+           array_replace(semap.joined(std_m[:][i:i]), '0.1', null)::real[] as std_m,
+           semap.joined(is_last[:][i:i]) as is_last,
+           array_replace(semap.joined(heading_rad[:][i:i]), 'NaN', null) as heading_rad,
+           array_replace(semap.joined(speed_mps[:][i:i]), 'NaN', null) as speed_mps,
+           array_replace(semap.joined(length_m[:][i:i]), 'NaN', null) as length_m,
+           array_replace(semap.joined(width_m[:][i:i]), 'NaN', null) as width_m,
+           array_replace(semap.joined(std_across_m[:][i:i]), 'NaN', null) as std_across_m,
+           array_replace(semap.joined(std_yaw_rad[:][i:i]), 'NaN', null) as std_yaw_rad
+    from matrix cross join generate_subscripts(track_ids, 1) i group by track_ids[i]
   ), paced as materialized ( -- most tracks have the same stamps
-    select stamps, semap.offsets_us(stamps) as offsets_us from (select distinct stamps from by_track) d
+    select d.numbers, semap.offsets_us(s.stamps) as offsets_us, (select min(t) from unnest(s.stamps) t) as from_stamp,
+           (select max(t) from unnest(s.stamps) t) as to_stamp
+    from (select distinct numbers from by_track) d cross join lateral (
+      select semap.joined(m.stamps order by n.place) as stamps
+      from unnest(d.numbers) with ordinality n (number, place) join matrix m using (number)) s
   )
   select c.*
-  from by_track t join paced p using (stamps)
+  from by_track t join paced p using (numbers)
   cross join lateral semap.new_chunk(
     source_id => p_chunks[1].source_id, track_id => track_id, from_stamp => from_stamp, to_stamp => to_stamp,
     offsets_us => offsets_us, x_m => x_m, y_m => y_m, z_m => z_m, std_m => std_m, is_last => is_last,

@@ -3,16 +3,18 @@
 -- track_now once for many chunks, and whenever somebody asks for the exact position of all tracks of a source. Readers
 -- ask semap.track_place. No other file knows which columns of track_now are those of a state.
 
--- The newest state of each track whose position was not flushed.
+-- The newest state of each track whose position was not flushed. Most chunks are of the tracks of the next newer one,
+-- so they are not opened; a source has one chunk of each stamp that is not flushed (sql/135).
 create or replace view semap.unflushed_state as
   select distinct on (n.source_id, s.track_id) n.source_id, s.track_id, s as state
   from semap.source_count n
   cross join lateral (
-    select distinct on (c.track_ids) c as chunk from semap.state_chunk c
-    where c.source_id = n.source_id and c.track_id is null and c.from_stamp > n.flushed_stamp
-    order by c.track_ids, c.from_stamp desc) newest
-  cross join lateral semap.states_of(newest.chunk) s
-  where n.unflushed > 0
+    select c.from_stamp, lag(c.track_ids) over (order by c.from_stamp desc) is distinct from c.track_ids as is_newest
+    from semap.state_chunk c
+    where c.source_id = n.source_id and c.track_id is null and c.from_stamp > n.flushed_stamp) k
+  join semap.state_chunk c on c.source_id = n.source_id and c.track_id is null and c.from_stamp = k.from_stamp
+  cross join lateral semap.states_of(c) s
+  where n.unflushed > 0 and k.is_newest
   order by n.source_id, s.track_id, s.stamp desc;
 
 -- The present of a track, as a state.

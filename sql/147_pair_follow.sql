@@ -129,14 +129,16 @@ begin
   end if;
   v_around := array(select generate_series(-ceil(v_reach_m / c_cell_m)::integer, ceil(v_reach_m / c_cell_m)::integer));
   return array(
-    select f.state from semap.followed_state f
-    where f.track_id in (select track_id from unnest(p_states))
-    union
     select f.state
-    from (select distinct floor(x_m / c_cell_m)::integer + dx as cell_x, floor(y_m / c_cell_m)::integer + dy as cell_y
-          from unnest(p_states), unnest(v_around) dx, unnest(v_around) dy
-          where x_m is not null) c
-    join semap.followed_state f on f.map_id = p_map_id and f.cell_x = c.cell_x and f.cell_y = c.cell_y);
+    from (
+      select track_id from unnest(p_states)
+      union
+      select f.track_id
+      from (select distinct c.cell_x + dx as cell_x, c.cell_y + dy as cell_y
+            from (select distinct floor(x_m / c_cell_m)::integer as cell_x, floor(y_m / c_cell_m)::integer as cell_y
+                  from unnest(p_states) where x_m is not null) c, unnest(v_around) dx, unnest(v_around) dy) c
+      join semap.followed_state f on f.map_id = p_map_id and f.cell_x = c.cell_x and f.cell_y = c.cell_y) k
+    join semap.followed_state f using (track_id));
 end $$;
 
 -- Follow the pairs of a map up to where all its states have come.

@@ -203,6 +203,8 @@ def test_arrays_of_any_bounds_mean_the_same(
     asked = f"select round({column}::numeric, 1)::float8 from semap.{{}} where stamp = %s order by track_id"
     for table in ("track_now", "stored_state"):
         assert world.rows(asked.format(table), to_datetime(frame * FRAME_US)) == [(0.1,), (0.2,), (0.3,)]
+    world.run("select semap.compact_all(array[%s])", world.source_id)
+    assert world.rows(asked.format("stored_state"), to_datetime(frame * FRAME_US)) == [(0.1,), (0.2,), (0.3,)]
 
 
 def test_a_track_that_is_deleted_ends_where_it_was_seen_last(world: World, tracks: list[int]) -> None:
@@ -246,6 +248,23 @@ def test_readers_see_batches_at_once(world: World, tracks: list[int]) -> None:
     assert world.one("select x_m from semap.states_around(%s, 'infinity', 1, 0)", tracks[0]) == 1.25
     at = to_datetime(3 * FRAME_US)
     assert world.one("select st_astext(semap.place_at(%s, %s))", tracks[2], at) == "POINT(3.25 2)"
+
+
+def test_batches_of_other_tracks_leave_each_where_it_was_seen_last(world: World, tracks: list[int]) -> None:
+    seen = [(0, 1), (0, 1), (1, 2), (0, 1), (1,), (2,), (0,), (0,)]
+    last = {}
+    for frame, some in enumerate(seen, start=3):
+        x_m = [1.0 + each + frame / 10 for each in some]
+        last |= dict(zip(some, x_m, strict=True))
+        add(world, frame * FRAME_US, [tracks[each] for each in some], x_m=x_m, y_m=[2.0] * len(some))
+    where = [(last[each],) for each in range(3)]
+    assert world.rows("select x_m from semap.track_place order by track_id") == where
+    states = "select track_id, stamp, x_m from semap.stored_state order by track_id, stamp"
+    sent = world.rows(states)
+    world.run("select semap.compact_all(array[%s])", world.source_id)
+    assert world.rows("select x_m from semap.track_now order by track_id") == where
+    assert world.rows(states) == sent
+    assert world.one("select count(*) from semap.state_chunk") == 3
 
 
 def test_states_are_compacted_once_there_are_enough_or_their_half_hour_is_over(
