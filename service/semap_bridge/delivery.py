@@ -16,12 +16,14 @@ from sqlalchemy import Connection
 from semap.errors import ServerUnavailable
 from semap.store.database.connection import listen, wait_for_notice
 from semap.store.database.event_number import newest_event
+from semap.store.event.event_selection import Selection
 from semap.store.event.events import StoredEvent, read_stretch
 from semap.store.motion.bridges import Place, Position, move_position, read_position
 from semap.store.motion.live import live_map
-from semap.store.relation.changes import StoredChange, newest_change
+from semap.store.relation.changes import ChangeReader, StoredChange, newest_change
 from semap_bridge.adapter import Display, Happening, Sink
 from semap_bridge.context import ROLE, Context
+from semap_bridge.given_out import takes_change
 from semap_bridge.pausing import Pause
 
 PAGE = 500
@@ -42,14 +44,31 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class EventReader:
-    """Reads the events of a map."""
+    """Reads the events of a map that fit a filter (CQL2; None: all)."""
 
     map_name: str
+    filter: str | None = None
 
     def read(self, connection: Connection, after: int, limit: int) -> tuple[Sequence[StoredEvent], int, bool]:
         newest = newest_event(connection)
         found = read_stretch(connection, after=after, limit=limit, map_name=self.map_name)
-        return found.events, found.last if found.is_full else max(found.last, newest), found.is_full
+        wanted = Selection(filter=self.filter)
+        events = [each for each in found.events if wanted.takes(each)]
+        return events, found.last if found.is_full else max(found.last, newest), found.is_full
+
+
+@dataclass(frozen=True)
+class FilteredChanges:
+    """Reads the changes of relations that fit a filter (CQL2; None: all)."""
+
+    changes: ChangeReader
+    filter: str | None = None
+
+    def read(
+        self, connection: Connection, after: int, limit: int
+    ) -> tuple[Sequence[StoredChange], int, bool]:
+        found, last, is_full = self.changes.read(connection, after, limit)
+        return [each for each in found if takes_change(self.filter, each)], last, is_full
 
 
 @dataclass(frozen=True)
