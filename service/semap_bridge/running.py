@@ -183,6 +183,7 @@ class _Running:
             Delivery(self._context, self._dsn, Place(map_id, self._context.name, way), reader, first)
             for way, reader, first in ways
         )
+        fault = ""
         while True:
             adapter = self._entry.adapter(self._context)
             try:
@@ -199,7 +200,9 @@ class _Running:
             except SemapError:
                 raise
             except Exception as error:
-                log.exception("%s: a fault of the adapter; it begins again", self._context.name)
+                if repr(error) != fault:
+                    log.exception("%s: a fault of the adapter; it begins again", self._context.name)
+                fault = repr(error)
                 self._context.figures.reconnects += 1
                 await pause.after(error)
 

@@ -180,4 +180,8 @@ def test_stamps_and_headings() -> None:
     for wrong in (None, "", "noon", "2023-11-14T22:13:20", True, [], math.nan, 1e30):
         with pytest.raises(Unusable):
             read_stamp(wrong)
+    assert read_stamp("2000-01-01T00:00:00Z") == 946_684_800_000_000
+    for unset in (0, 99.5, 86_400_000, "1970-01-01T00:01:39Z", 946_684_799):
+        with pytest.raises(Unusable, match="stamp before 2000"):
+            read_stamp(unset)
     assert [round(math.degrees(compass_rad(each))) for each in (0, 90, 45, 450)] == [90, 0, 45, 0]

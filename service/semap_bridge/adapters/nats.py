@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import ssl
 from collections.abc import Callable, Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 from urllib.parse import quote
 
 from nats.aio.client import Client
@@ -76,6 +76,12 @@ class Nats(Adapter[NatsSettings]):
     async def open(self) -> None:
         settings = self.settings
         login, tls = settings.login, settings.tls
+        shown: dict[str, Any] = {
+            "user": None if login is None else login.user,
+            "password": None if login is None else login.password(),
+            "token": None if settings.token_file is None else read_secret(settings.token_file),
+            "tls": None if tls is None else tls.context(),
+        }
         try:
             # kept, so that `close` ends what of a connection was made, too
             self._client = Client()
@@ -87,10 +93,7 @@ class Nats(Adapter[NatsSettings]):
                 reconnect_time_wait=0,
                 connect_timeout=int(ANSWER_S),
                 error_cb=self._hear,
-                user=None if login is None else login.user,
-                password=None if login is None else login.password(),
-                token=None if settings.token_file is None else read_secret(settings.token_file),
-                tls=None if tls is None else tls.context(),
+                **shown,
             )
         except (TimeoutError, Error, OSError, ssl.SSLError) as error:
             raise self.unreachable(self._said or error) from error
@@ -131,7 +134,7 @@ class Nats(Adapter[NatsSettings]):
                 remedy = "Make room: on the server's disk, or by the limits of the stream."
         elif isinstance(error, AuthorizationError) or "uthori" in said:
             remedy = "Correct `login` or `token_file`; what is new in a file is taken at the next try."
-        elif isinstance(error, ssl.SSLError):
+        elif isinstance(error, ssl.SSLError) or "SSL" in said:
             remedy = "Correct `tls`: whom to trust (ca_file), and what this client shows."
         return ServiceUnreachable(f"NATS at {self.settings.servers}: {said}.", remedy)
 
