@@ -29,6 +29,7 @@ from semap_bridge import adapter
 from semap_bridge.adapter import Adapter, Happening, Sight, Sink
 from semap_bridge.config import ConfigPath
 from semap_bridge.context import Context
+from semap_bridge.messages.cursor import number_in
 from semap_bridge.secret import Login, Tls, read_secret
 
 ANSWER_S = 10.0
@@ -157,6 +158,16 @@ class _Last(NamedTuple):
     sequence: int
 
 
+def number_of(message: bytes, map_name: str) -> int | None:
+    """Of an event or a change of this map; None for whatever else a subject may have."""
+    try:
+        number = number_in(message, "sequence")
+    except ValueError:
+        return None
+    is_own = json.loads(message).get("source") == f"/maps/{quote(map_name, safe='')}"
+    return number if is_own else None
+
+
 class _Publishing(Sink):
     """Mutable: the last message of the subject."""
 
@@ -208,17 +219,13 @@ class _Publishing(Sink):
             message = await self._stream.get_last_msg(name, self._subject)
         except NotFoundError:
             return _Last(0, 0)
-        try:
-            said = json.loads(message.data or b"")
-            last = _Last(int(said["sequence"]), message.seq or 0)
-            is_own = said["source"] == f"/maps/{quote(self._context.map_name, safe='')}"
-        except (ValueError, KeyError, TypeError):
-            is_own = False
-        if not is_own:
+        number = number_of(message.data or b"", self._context.map_name)
+        if number is None:
             raise ServiceUnreachable(
                 f"The subject {self._subject} has a message that is not of the map {self._context.map_name}.",
                 "Name a subject that this bridge alone writes to.",
             )
+        last = _Last(number, message.seq or 0)
         if self._newest is not None and last.number > (newest := await self._context.ask(self._newest)):
             raise Conflict(
                 f"The subject {self._subject} has events up to number {last.number}, and this database up to"

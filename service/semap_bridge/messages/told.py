@@ -159,6 +159,14 @@ def read_name(value: object, what: str, longest: int = LONGEST_NAME) -> str:
     return name
 
 
+def read_topic(value: object) -> str:
+    """A topic to publish to; raises Unusable."""
+    topic = read_text(value, "topic")
+    if "+" in topic or "#" in topic:
+        raise Unusable("topic has a wildcard", shown(topic))
+    return topic
+
+
 def read_stamp(value: object) -> int:
     """Microseconds since 1970 of an ISO 8601 text, or of a number of s, ms, us or ns; raises Unusable.
 
