@@ -96,6 +96,15 @@ class Context:
         """Let a thread do what would keep the loop."""
         return await asyncio.get_running_loop().run_in_executor(self.threads, work)
 
+    async def in_thread_to_its_end(self, work: Callable[[], T]) -> T:
+        """The same; who is cancelled meanwhile waits, so that nobody closes what the thread uses."""
+        done = asyncio.get_running_loop().run_in_executor(self.threads, work)
+        try:
+            return await asyncio.shield(done)
+        except asyncio.CancelledError:
+            await asyncio.wait({done})
+            raise
+
     def refuse(self, reason: str, detail: str = "") -> None:
         """Count a record that cannot be used; the first of each reason are told."""
         refusals = self.figures.refusals

@@ -14,18 +14,19 @@ import psycopg
 from sqlalchemy import Connection
 
 from semap.errors import ServerUnavailable
-from semap.store.database.connection import listen, wait_for_notice
+from semap.store.database.connection import listen, own_session, wait_for_notice
 from semap.store.database.event_number import newest_event
 from semap.store.event.event_selection import Selection
 from semap.store.event.events import StoredEvent, read_stretch
 from semap.store.motion.bridges import Place, Position, move_position, read_position
-from semap.store.motion.live import live_map
+from semap.store.motion.live import LiveMap, live_map
 from semap.store.relation.changes import ChangeReader, StoredChange, newest_change
 from semap_bridge.adapter import Display, Happening, Sink
 from semap_bridge.context import ROLE, Context
 from semap_bridge.given_out import takes_change
 from semap_bridge.pausing import Pause
 
+NAME = "semap bridge"
 PAGE = 500
 POLL_S = 0.5
 """Changes of relations are not notified."""
@@ -158,22 +159,42 @@ class Delivery:
         return last, is_full
 
 
-async def show(context: Context, map_id: int, display: Display) -> None:
-    """Show a display the present every so often, until cancelled."""
+async def show(context: Context, dsn: str, map_id: int, display: Display) -> None:
+    """Show a display the present every so often, until cancelled.
+
+    By a session of its own, without transactions: one that is of a pool costs as much again as the question.
+    """
     pause = Pause(context, "the database")
     loop = asyncio.get_running_loop()
     due_s = loop.time()
-    while True:
-        try:
-            present = await context.ask(lambda c: live_map(c, map_id))
-            pause.over()
-        except ServerUnavailable as error:
-            await pause.after(error)
-            continue
-        if present is not None:
-            await display.show(present)
-        due_s = max(due_s + display.every_s, loop.time())
-        await asyncio.sleep(due_s - loop.time())
+    session: Connection | None = None
+
+    def look() -> LiveMap | None:
+        nonlocal session
+        session = session or own_session(dsn, ROLE, application=NAME)
+        return live_map(session, map_id)
+
+    try:
+        while True:
+            try:
+                present = await context.in_thread_to_its_end(look)
+                pause.over()
+            except ServerUnavailable as error:
+                _close(session)
+                session = None
+                await pause.after(error)
+                continue
+            if present is not None:
+                await display.show(present)
+            due_s = max(due_s + display.every_s, loop.time())
+            await asyncio.sleep(due_s - loop.time())
+    finally:
+        _close(session)
+
+
+def _close(session: Connection | None) -> None:
+    if session is not None:
+        session.close()
 
 
 def _age_s(made: StoredEvent | StoredChange) -> float:
@@ -182,7 +203,7 @@ def _age_s(made: StoredEvent | StoredChange) -> float:
 
 @contextmanager
 def _listening(dsn: str) -> Iterator[Hear]:
-    listener: psycopg.Connection = listen(dsn, "semap_event", ROLE, application="semap bridge")
+    listener: psycopg.Connection = listen(dsn, "semap_event", ROLE, application=NAME)
     try:
         yield partial(wait_for_notice, listener, POLL_S)
     finally:

@@ -216,7 +216,7 @@ class _Running:
         if source is not None:
             roles.append(intake.read(source))
         if display is not None:
-            roles.append(show(self._context, intake.map_id, display))
+            roles.append(show(self._context, self._dsn, intake.map_id, display))
         tasks = [asyncio.create_task(each) for each in roles]
         try:
             while tasks:
