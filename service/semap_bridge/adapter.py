@@ -34,6 +34,7 @@ from semap.store.motion.live import LiveMap
 from semap.store.relation.changes import StoredChange
 from semap_bridge.change_event import change_cloud_event
 from semap_bridge.context import Context
+from semap_bridge.given_out import ChangeFilter, EventFilter
 
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00/]*$")]
 
@@ -61,6 +62,12 @@ class Settings(BaseModel):
     )
     from_start: bool = Field(
         default=False, description="Give out the events of the past, too, when it runs for the first time."
+    )
+    filter: EventFilter | None = Field(
+        default=None, description="CQL2: only events that it fits are given out. [default: all]"
+    )
+    changes_filter: ChangeFilter | None = Field(
+        default=None, description="CQL2: only changes of relations that it fits are given out. [default: all]"
     )
 
 

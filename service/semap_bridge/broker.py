@@ -13,6 +13,7 @@ from typing import Any
 from uuid import uuid4
 
 import aiomqtt
+from paho.mqtt.enums import LogLevel
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
@@ -28,8 +29,24 @@ KEEPALIVE_S = 15
 TOGETHER = 1000
 """So many messages are taken together at most."""
 IN_FLIGHT = 200
+WRONG = (
+    (
+        r"authori|user name|password|banned",
+        "refuses the login",
+        "Correct login: user and password_file, or the broker's list of users.",
+    ),
+    (
+        r"ssl|certificate",
+        "cannot be spoken to over TLS",
+        "Correct tls: whom to trust (ca_file), and what this client shows (certificate_file, key_file).",
+    ),
+    ("", "is away", "See that it runs there, and host, port and tls; semap goes on by itself."),
+)
+"""What words of the library mean, and what to do."""
 
-log = logging.getLogger(__name__)
+library = logging.getLogger(f"{__name__}.paho")
+library.addFilter(lambda record: record.levelno < logging.WARNING)
+"""What goes wrong is told once, by what is raised."""
 
 
 class Broker(BaseModel):
@@ -74,6 +91,7 @@ class Link:
         self._keep_s, self._will = keep_s, will
         self._client: aiomqtt.Client | None = None
         self._refused: str | None = None
+        self._wrong: str | None = None
 
     async def open(self) -> None:
         """raises  ServiceUnreachable"""
@@ -95,7 +113,7 @@ class Link:
             will=aiomqtt.Will(will.topic, will.payload, 1, will.is_retained) if will else None,
             max_inflight_messages=IN_FLIGHT,
             socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
-            logger=log,
+            logger=library,
         )
         client.pending_calls_threshold = TOGETHER
         self._hear_refusals(client)
@@ -184,9 +202,13 @@ class Link:
         return self._client
 
     def _hear_refusals(self, client: aiomqtt.Client) -> None:
-        """The library counts a message that the broker refuses as published."""
+        """The library counts what a broker refuses as published, and only logs why it was hung up on."""
         inner = client._client
         told = inner.on_publish
+
+        def on_log(paho: Any, data: Any, level: int, text: str) -> None:
+            if level == LogLevel.MQTT_LOG_ERR:
+                self._wrong = text
 
         def on_publish(paho: Any, data: Any, mid: int, code: ReasonCode, properties: Any) -> None:
             if code.is_failure:
@@ -194,16 +216,14 @@ class Link:
             told(paho, data, mid, code, properties)  # type: ignore[misc, call-arg]
 
         inner.on_publish = on_publish
+        inner.on_log = on_log
 
     def _unreachable(self, error: aiomqtt.MqttError) -> ServiceUnreachable:
-        why = f"{error.__cause__ or error}".rstrip(".")
-        is_refused = re.search(r"authori|user name|password|banned", why, re.IGNORECASE) is not None
-        return ServiceUnreachable(
-            f"The broker {self._broker.address} {'refuses the login' if is_refused else 'is away'}: {why}.",
-            "Correct login: user and password_file, or the broker's list of users."
-            if is_refused
-            else "See that it runs there, and host, port and tls; semap goes on by itself.",
+        why = f"{error.__cause__ or self._wrong or error}".rstrip(".")
+        said, remedy = next(
+            (said, remedy) for pattern, said, remedy in WRONG if re.search(pattern, why, re.IGNORECASE)
         )
+        return ServiceUnreachable(f"The broker {self._broker.address} {said}: {why}.", remedy)
 
 
 async def _next(coming: AsyncIterator[aiomqtt.Message]) -> aiomqtt.Message:

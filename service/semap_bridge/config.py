@@ -7,10 +7,12 @@
         ...             # settings of the adapter
 
 Paths in it are meant from the folder of the file. Secrets are not in it: it names the files that have them.
+A kind of adapter and a map are a config, too, where that needs no more settings.
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +25,7 @@ from semap.formats.refusals import Refusals
 from semap.formats.yaml_node import Node, parse_yaml
 from semap_bridge.adapter import Adapter, Settings
 from semap_bridge.context import Context
-from semap_bridge.kinds import adapter_of
+from semap_bridge.kinds import KINDS, adapter_of
 
 
 def _from_folder(path: Path, info: ValidationInfo) -> Path:
@@ -65,14 +67,30 @@ class Config:
         raise InvalidInput(f"it has no bridge {name}", f"It has {names}.", str(self.path))
 
 
-def read_config(path: Path) -> Config:
-    """raises InvalidInput, which names each line that is wrong"""
+def read_config(path: Path, map_name: str | None = None) -> Config:
+    """The config of a file, or of a kind of adapter and a map.
+
+    raises  InvalidInput, which names each line that is wrong
+    """
+    kind = str(path)
+    if kind in KINDS and not path.exists():
+        if map_name is None:
+            raise InvalidInput("a kind needs a map", f"Name it: semap bridge {kind} --map MAP", kind)
+        said = json.dumps({"map": map_name, "bridges": [{"name": kind, "kind": kind}]})
+        return _config(said.encode(), path)
+    if map_name is not None:
+        raise InvalidInput("a config names its map itself", "Omit --map.", kind)
     try:
-        data = path.read_bytes()
+        return _config(path.read_bytes(), path)
     except OSError as error:
         raise InvalidInput(
-            f"cannot be read: {error.strerror}", "Name the config's file.", str(path)
+            f"cannot be read: {error.strerror}",
+            f"Name the config's file, or with --map one of {', '.join(sorted(KINDS))}.",
+            kind,
         ) from error
+
+
+def _config(data: bytes, path: Path) -> Config:
     document = parse_yaml(data, str(path))
     fields = document.fields({"map", "bridges"})
     for key, remedy in (("map", "Write map: NAME."), ("bridges", "Write bridges: and a list of them.")):

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 ROLE = "semap_ingest"
 """Which reads everything, and writes what sources say."""
 TOLD = 5
-"""So many refusals of a reason are told; the others are counted."""
+"""So many refusals of a reason are told, one where each says the same; the others are counted."""
 REASONS = 50
 """So many reasons are told apart."""
 
@@ -96,13 +96,23 @@ class Context:
         """Let a thread do what would keep the loop."""
         return await asyncio.get_running_loop().run_in_executor(self.threads, work)
 
+    async def in_thread_to_its_end(self, work: Callable[[], T]) -> T:
+        """The same; who is cancelled meanwhile waits, so that nobody closes what the thread uses."""
+        done = asyncio.get_running_loop().run_in_executor(self.threads, work)
+        try:
+            return await asyncio.shield(done)
+        except asyncio.CancelledError:
+            await asyncio.wait({done})
+            raise
+
     def refuse(self, reason: str, detail: str = "") -> None:
         """Count a record that cannot be used; the first of each reason are told."""
         refusals = self.figures.refusals
         key = reason if reason in refusals or len(refusals) < REASONS else "other"
         refusals[key] += 1
-        if refusals[key] <= TOLD:
-            more = "; further ones are only counted" if refusals[key] == TOLD else ""
+        told = TOLD if detail else 1
+        if refusals[key] <= told:
+            more = "; further ones are only counted" if refusals[key] == told else ""
             log.warning("%s: refused: %s%s%s", self.name, reason, f": {detail}" if detail else "", more)
 
     def refuse_all(self, refused: Iterable[Refused]) -> None:
@@ -113,5 +123,5 @@ class Context:
     def drop(self, count: int = 1) -> None:
         """Count records that came live and could not be kept."""
         if not self.figures.dropped:
-            log.warning("%s: records are dropped, since they come faster than they can be stored", self.name)
+            log.warning("%s: records are dropped, since they come faster than they are taken in", self.name)
         self.figures.dropped += count

@@ -14,16 +14,19 @@ import psycopg
 from sqlalchemy import Connection
 
 from semap.errors import ServerUnavailable
-from semap.store.database.connection import listen, wait_for_notice
+from semap.store.database.connection import listen, own_session, wait_for_notice
 from semap.store.database.event_number import newest_event
+from semap.store.event.event_selection import Selection
 from semap.store.event.events import StoredEvent, read_stretch
 from semap.store.motion.bridges import Place, Position, move_position, read_position
-from semap.store.motion.live import live_map
-from semap.store.relation.changes import StoredChange, newest_change
+from semap.store.motion.live import LiveMap, live_map
+from semap.store.relation.changes import ChangeReader, StoredChange, newest_change
 from semap_bridge.adapter import Display, Happening, Sink
 from semap_bridge.context import ROLE, Context
+from semap_bridge.given_out import takes_change
 from semap_bridge.pausing import Pause
 
+NAME = "semap bridge"
 PAGE = 500
 POLL_S = 0.5
 """Changes of relations are not notified."""
@@ -42,14 +45,31 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class EventReader:
-    """Reads the events of a map."""
+    """Reads the events of a map that fit a filter (CQL2; None: all)."""
 
     map_name: str
+    filter: str | None = None
 
     def read(self, connection: Connection, after: int, limit: int) -> tuple[Sequence[StoredEvent], int, bool]:
         newest = newest_event(connection)
         found = read_stretch(connection, after=after, limit=limit, map_name=self.map_name)
-        return found.events, found.last if found.is_full else max(found.last, newest), found.is_full
+        wanted = Selection(filter=self.filter)
+        events = [each for each in found.events if wanted.takes(each)]
+        return events, found.last if found.is_full else max(found.last, newest), found.is_full
+
+
+@dataclass(frozen=True)
+class FilteredChanges:
+    """Reads the changes of relations that fit a filter (CQL2; None: all)."""
+
+    changes: ChangeReader
+    filter: str | None = None
+
+    def read(
+        self, connection: Connection, after: int, limit: int
+    ) -> tuple[Sequence[StoredChange], int, bool]:
+        found, last, is_full = self.changes.read(connection, after, limit)
+        return [each for each in found if takes_change(self.filter, each)], last, is_full
 
 
 @dataclass(frozen=True)
@@ -139,22 +159,42 @@ class Delivery:
         return last, is_full
 
 
-async def show(context: Context, map_id: int, display: Display) -> None:
-    """Show a display the present every so often, until cancelled."""
+async def show(context: Context, dsn: str, map_id: int, display: Display) -> None:
+    """Show a display the present every so often, until cancelled.
+
+    By a session of its own, without transactions: one that is of a pool costs as much again as the question.
+    """
     pause = Pause(context, "the database")
     loop = asyncio.get_running_loop()
     due_s = loop.time()
-    while True:
-        try:
-            present = await context.ask(lambda c: live_map(c, map_id))
-            pause.over()
-        except ServerUnavailable as error:
-            await pause.after(error)
-            continue
-        if present is not None:
-            await display.show(present)
-        due_s = max(due_s + display.every_s, loop.time())
-        await asyncio.sleep(due_s - loop.time())
+    session: Connection | None = None
+
+    def look() -> LiveMap | None:
+        nonlocal session
+        session = session or own_session(dsn, ROLE, application=NAME)
+        return live_map(session, map_id)
+
+    try:
+        while True:
+            try:
+                present = await context.in_thread_to_its_end(look)
+                pause.over()
+            except ServerUnavailable as error:
+                _close(session)
+                session = None
+                await pause.after(error)
+                continue
+            if present is not None:
+                await display.show(present)
+            due_s = max(due_s + display.every_s, loop.time())
+            await asyncio.sleep(due_s - loop.time())
+    finally:
+        _close(session)
+
+
+def _close(session: Connection | None) -> None:
+    if session is not None:
+        session.close()
 
 
 def _age_s(made: StoredEvent | StoredChange) -> float:
@@ -163,7 +203,7 @@ def _age_s(made: StoredEvent | StoredChange) -> float:
 
 @contextmanager
 def _listening(dsn: str) -> Iterator[Hear]:
-    listener: psycopg.Connection = listen(dsn, "semap_event", ROLE, application="semap bridge")
+    listener: psycopg.Connection = listen(dsn, "semap_event", ROLE, application=NAME)
     try:
         yield partial(wait_for_notice, listener, POLL_S)
     finally:

@@ -21,7 +21,7 @@ from semap.store.relation.changes import ChangeReader
 from semap_bridge.adapter import Adapter
 from semap_bridge.config import Entry
 from semap_bridge.context import ROLE, Context
-from semap_bridge.delivery import Delivery, EventReader, Past, Reader, show
+from semap_bridge.delivery import Delivery, EventReader, FilteredChanges, Past, Reader, show
 from semap_bridge.intake import Intake
 from semap_bridge.pausing import Pause
 
@@ -174,15 +174,16 @@ class _Running:
     async def _sessions(self, intake: Intake, map_id: int) -> None:
         """One connection to the peer after another, until all that there is to read is read."""
         pause = Pause(self._context, "its peer")
-        map_name, past = self._entry.map_name, self._past or Past()
+        map_name, past, settings = self._entry.map_name, self._past or Past(), self._entry.settings
         ways: tuple[tuple[Way, Reader, int], ...] = (
-            ("out", EventReader(map_name), past.event),
-            ("changes", ChangeReader(map_name), past.change),
+            ("out", EventReader(map_name, settings.filter), past.event),
+            ("changes", FilteredChanges(ChangeReader(map_name), settings.changes_filter), past.change),
         )
         events, changes = (
             Delivery(self._context, self._dsn, Place(map_id, self._context.name, way), reader, first)
             for way, reader, first in ways
         )
+        fault = ""
         while True:
             adapter = self._entry.adapter(self._context)
             try:
@@ -199,7 +200,9 @@ class _Running:
             except SemapError:
                 raise
             except Exception as error:
-                log.exception("%s: a fault of the adapter; it begins again", self._context.name)
+                if repr(error) != fault:
+                    log.exception("%s: a fault of the adapter; it begins again", self._context.name)
+                fault = repr(error)
                 self._context.figures.reconnects += 1
                 await pause.after(error)
 
@@ -213,7 +216,7 @@ class _Running:
         if source is not None:
             roles.append(intake.read(source))
         if display is not None:
-            roles.append(show(self._context, intake.map_id, display))
+            roles.append(show(self._context, self._dsn, intake.map_id, display))
         tasks = [asyncio.create_task(each) for each in roles]
         try:
             while tasks:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ssl
+from datetime import UTC, datetime
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from semap.errors import ServiceUnreachable
+from semap_bridge.certificate import validity
 from semap_bridge.config import ConfigPath
 
 
@@ -56,6 +58,7 @@ class Tls(BaseModel):
             context = ssl.create_default_context(cafile=self.ca_file)
             if self.certificate_file is not None:
                 context.load_cert_chain(self.certificate_file, self.key_file)
+                _require_valid(self.certificate_file)
         except (OSError, ssl.SSLError) as error:
             files = ", ".join(
                 str(each) for each in (self.ca_file, self.certificate_file, self.key_file) if each is not None
@@ -64,3 +67,14 @@ class Tls(BaseModel):
                 f"{files}: {error.strerror or error}", "Give files in PEM that this user can read."
             ) from error
         return context
+
+
+def _require_valid(path: Path) -> None:
+    """A peer that is shown an old certificate may just hang up, and say nothing."""
+    since, until = validity(path.read_text())
+    if not since <= datetime.now(UTC) <= until:
+        span = f"from {since:%Y-%m-%d %H:%M} to {until:%Y-%m-%d %H:%M} UTC"
+        raise ServiceUnreachable(
+            f"The certificate in {path} is valid {span} only.",
+            "Renew it, or set this machine's clock; a new file is taken at the next try.",
+        )

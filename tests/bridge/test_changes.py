@@ -72,3 +72,21 @@ def test_changes_are_written_to_a_file_once(world: World, tmp_path: Path) -> Non
         str(uid) for (uid,) in world.rows("select uid from semap.relation_change order by change_id")
     ]
     assert {each["data"]["object"] for each in said} == {"kitchen"}
+
+
+def test_a_filter_takes_changes_of_one_kind(world: World, tmp_path: Path) -> None:
+    world.add_room("kitchen", shapely.box(0, 0, 4, 4))
+    world.add_room("hall", shapely.box(4, 0, 20, 4))
+    track_id = world.add_track("cat")
+    out = tmp_path / "changes.ndjson"
+    wanted = "object = 'kitchen' AND kind = 'ended' AND stamp > TIMESTAMP('1970-01-01T00:00:01Z')"
+    one = entry(tmp_path, write_changes="changes.ndjson", from_start=True, changes_filter=wanted)
+    for number, x_m in enumerate((1.0, 6.0, 1.0, 9.0, 1.0, 10.0)):
+        world.add_states([(track_id, number * SECOND_US, x_m, 1.0, 1.0)])
+    with running(world, one):
+        until(lambda: out.exists() and out.read_bytes().count(b"\n") == 2)
+    said = [json.loads(each)["data"] for each in out.read_bytes().splitlines()]
+    assert [(each["kind"], each["object"], each["stamp"]) for each in said] == [
+        ("ended", "kitchen", "1970-01-01T00:00:03.000000Z"),
+        ("ended", "kitchen", "1970-01-01T00:00:05.000000Z"),
+    ]

@@ -12,6 +12,7 @@ import pytest
 from bridging import config, line, stored
 from semap_bridge import kinds
 from semap_bridge.adapter import Adapter
+from semap_bridge.config import read_config
 from world import SECOND_US, World
 
 from semap.errors import InvalidInput
@@ -81,6 +82,19 @@ def test_a_check_fails_where_something_is_wrong(world: World, tmp_path: Path) ->
     assert ("one", "1 records: not JSON.") in said
     assert any(name == "other" and "no file" in trouble for name, trouble in said)
     assert world.one("select count(*) from semap.source where name in ('one', 'other')") == 0
+
+
+def test_a_kind_and_a_map_are_a_config(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    seen = semap(world, "check", "bacnet", "--map", "world", "--seconds", "0.1")
+    assert "device: Field required" in seen.stderr, seen.stdout
+    assert "semap bridge ndjson --map MAP" in semap(world, "ndjson").stderr
+    (tmp_path / "ndjson").write_bytes(config(tmp_path, TWO).read_bytes())
+    assert [each.settings.name for each in read_config(Path("ndjson")).bridges] == ["one", "other"]
+    assert "Omit --map" in semap(world, "bridges.yaml", "--map", "world").stderr
+    told = semap(world, "check", "foxglove", "--map", "world", "--seconds", "0.1", "--json")
+    assert told.returncode == 0, told.stderr
+    assert {each["bridge"] for each in json.loads(told.stdout)} == {"foxglove"}
 
 
 def test_a_package_that_is_missing_is_named_with_its_extra(

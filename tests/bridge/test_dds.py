@@ -10,10 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from patience import until
 from robots import LOOPBACK, domain
+from semap_bridge.adapters.ros.backlog import MOST, MOST_OF, Backlog
 from semap_bridge.ros.dds import Dds, network_config
-from semap_bridge.ros.graph import Offer
+from semap_bridge.ros.graph import Heard, Offer
 from semap_bridge.ros.message import messages
 
 SCAN, STRING = "sensor_msgs/msg/LaserScan", "std_msgs/msg/String"
@@ -139,25 +142,40 @@ def test_a_reader_goes_on_where_a_weaker_publisher_comes(graph: Dds, number: int
     assert {m.read(each, SCAN).range_max for each in heard} == {2.0, 9.0}
 
 
-def test_what_goes_before_it_is_taken_is_counted(graph: Dds, number: int) -> None:
+def test_nothing_goes_before_it_is_taken(graph: Dds, number: int) -> None:
     m = messages(is_ros1=False)
     other = Dds(number, "quick", network_config(LOOPBACK, []))
     scans = other.publish("/scan", SCAN)
     graph.hear([seen(graph, "/scan")])
     until(scans.listeners)
-    for many, is_lost in ((50, False), (150, True)):
-        for each in range(many):
-            scans.send(m.write(m.new(SCAN, range_max=float(each))))
-        until(lambda: m.read(newest(graph), SCAN).range_max == many - 1)  # noqa: B023
-        taken = graph.take(0.0)
-        assert (len(taken) < many) == is_lost == (graph.lost > 0)
+    sent = [float(each) for each in range(900)]
+    for each in sent:
+        scans.send(m.write(m.new(SCAN, range_max=each)))
+    heard: list[float] = []
+    until(
+        lambda: (
+            heard.extend(m.read(each.raw, SCAN).range_max for each in graph.take(0.1)) or len(heard) == 900
+        )
+    )
+    assert heard == sent
+    assert graph.lost == 0
     other.close()
 
 
-def newest(graph: Dds) -> bytes:
-    ((_, reader),) = graph._readers.values()
-    *_, last = reader.read(1000)
-    return last.raw
+@given(topics=st.lists(st.sampled_from(["/image", "/scan", "/tf"]), max_size=400))
+def test_what_waits_too_long_is_dropped_and_counted_by_topic(topics: list[str]) -> None:
+    types = {"/image": "sensor_msgs/msg/Image", "/scan": SCAN, "/tf": "tf2_msgs/msg/TFMessage"}
+    backlog = Backlog()
+    sent = [Heard(topic, types[topic], "", b"", number) for number, topic in enumerate(topics)]
+    dropped = sum(backlog.put(each) for each in sent)
+    newest = [
+        each
+        for topic, kind in types.items()
+        for each in [one for one in sent if one.topic == topic][-MOST_OF.get(kind, MOST) :]
+    ]
+    taken = [backlog.take(0.0) for _ in range(len(sent) - dropped)]
+    assert taken == sorted(newest, key=lambda each: each.sent_us)
+    assert backlog.take(0.0) is None
 
 
 def test_a_publisher_that_leaves_is_no_message(graph: Dds, number: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import resource
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from making import make_events
 from patience import until
 from semap_bridge.adapters.kafka.decoding import batch_of_records
+from semap_bridge.adapters.kafka.moments import Moments
 from semap_bridge.checking import check_bridge
 from semap_service.processes.port import free_port
 from topics import Topics, entry
@@ -374,6 +376,34 @@ class Recorded:
     def __init__(self, key: bytes | None, value: bytes | None, offset: int) -> None:
         self.key, self.value = lambda: key, lambda: value
         self.partition, self.offset = lambda: 7, lambda: offset
+
+
+@given(
+    stamps=st.lists(st.integers(0, 3), max_size=30).map(sorted),
+    cuts=st.lists(st.integers(0, 30), max_size=5).map(sorted),
+    is_odd=st.lists(st.booleans(), min_size=30, max_size=30),
+)
+def test_a_moment_is_given_on_in_one_piece(stamps: list[int], cuts: list[int], is_odd: list[bool]) -> None:
+    """However its records come; and the position is behind whatever is held back."""
+    records = [
+        Recorded(None, b"?" if odd and number % 7 == 3 else line(f"t{number}", stamp, 1.0), number)
+        for number, (stamp, odd) in enumerate(zip(stamps, is_odd, strict=False))
+    ]
+    good = [number for number, each in enumerate(records) if each.value() != b"?"]
+    moments, given_on, done = Moments(), [], 0
+    bounds = [0, *(each for each in cuts if each < len(records)), len(records)]
+    for number, (begin, end) in enumerate(pairwise(bounds)):
+        part = records[begin:end]
+        is_more = number < len(bounds) - 2
+        batch = moments.take(part, batch_of_records(part), is_more=is_more)
+        given_on += [int(name[1:]) for name in batch.states.names]
+        done = moments.begins().get(7, end)
+        assert given_on == [each for each in good if each < done]
+        if is_more and len(good) == len(records) and given_on:
+            assert not {stamps[each] for each in given_on} & {stamps[each] for each in range(done, end)}
+            assert end == done or stamps[done] == stamps[end - 1]
+    assert done == len(records)
+    assert given_on == good
 
 
 @settings(max_examples=300)

@@ -12,10 +12,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 from semap_bridge.adapters.mqtt import Read
+from semap_bridge.adapters.nats import number_of
+from semap_bridge.adapters.omlox import OmloxHub, OmloxSettings
+from semap_bridge.home_assistant.discovery import person_named_in, states_named_in
+from semap_bridge.messages.cursor import number_in
 from semap_bridge.messages.path import TopicPattern, find, read_path
 from semap_bridge.messages.told import Message, Told, Unusable, compass_rad, read_stamp
 from semap_bridge.placing import Placement, states_of
 from semap_ingest.named_states import sifted
+
+from semap.errors import ServiceUnreachable
 
 NOW_US = 1_700_000_000_000_000
 READ: TypeAdapter[Any] = TypeAdapter(Read)
@@ -113,6 +119,57 @@ def reading_pose() -> Any:
     return READINGS[0].origin.pose().matrix()
 
 
+DOCUMENTS = st.fixed_dictionaries(
+    {},
+    optional={
+        "sequence": VALUES | st.integers().map(str),
+        "source": st.just("/maps/world") | VALUES,
+        "event": VALUES,
+        "device": VALUES | st.fixed_dictionaries({"model": st.just("person"), "name": st.text() | VALUES}),
+        "state_topic": st.text() | VALUES,
+        "components": st.dictionaries(
+            st.text(max_size=3),
+            st.fixed_dictionaries({}, optional={"state_topic": st.text() | VALUES}) | VALUES,
+        ),
+    },
+).map(lambda each: json.dumps(each).encode())
+
+
+@given(kept=PAYLOADS | DOCUMENTS)
+@example(kept=b"[" * 100_000)
+@example(kept=b'{"sequence": Infinity, "source": "/maps/world", "event": 1e999}')
+@example(
+    kept=b'{"device": {"model": "person", "name": "\\ud800"}, "components": {"a": {"state_topic": "+"}}}'
+)
+def test_whatever_a_broker_keeps_is_ours_or_is_none(kept: bytes) -> None:
+    """What adapters read back: the last event of a subject, a cursor, documents of Home Assistant."""
+    number = number_of(kept, "world")
+    assert number is None or json.loads(kept)["source"] == "/maps/world"
+    with suppress(ValueError):
+        assert isinstance(number_in(kept, "event"), int)
+    for text in [*states_named_in(kept), person_named_in(kept) or "nobody"]:
+        assert text.encode().strip()
+        assert "\0" not in text
+    assert not any("+" in each or "#" in each for each in states_named_in(kept))
+
+
+@given(
+    payload=PAYLOADS
+    | DOCUMENTS
+    | st.builds(
+        lambda said: json.dumps({"event": "message", "topic": "location_updates", "payload": said}).encode(),
+        VALUES | spoilt().map(json.loads),
+    )
+)
+@example(payload=b"[" * 100_000)
+@example(payload=b'{"event": "error", "code": [1], "description": {}}')
+def test_whatever_a_hub_says_is_read_or_refused(payload: bytes) -> None:
+    hub = OmloxHub(OmloxSettings(name="hub", kind="omlox", url="ws://hub/socket"), None)
+    with suppress(ServiceUnreachable):
+        for told in hub._read(payload, NOW_US):
+            _is_sound(told)
+
+
 @given(value=VALUES)
 def test_a_path_finds_what_is_there(value: object) -> None:
     for place in places(value):
@@ -180,4 +237,8 @@ def test_stamps_and_headings() -> None:
     for wrong in (None, "", "noon", "2023-11-14T22:13:20", True, [], math.nan, 1e30):
         with pytest.raises(Unusable):
             read_stamp(wrong)
+    assert read_stamp("2000-01-01T00:00:00Z") == 946_684_800_000_000
+    for unset in (0, 99.5, 86_400_000, "1970-01-01T00:01:39Z", 946_684_799):
+        with pytest.raises(Unusable, match="stamp before 2000"):
+            read_stamp(unset)
     assert [round(math.degrees(compass_rad(each))) for each in (0, 90, 45, 450)] == [90, 0, 45, 0]

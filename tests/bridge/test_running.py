@@ -246,6 +246,8 @@ def test_a_config_is_refused_at_its_line(tmp_path: Path) -> None:
             ":6:11",
             "another",
         ),
+        "  - name: a\n    kind: ndjson\n    write: x\n    filter: colour = 1\n": (":6", "no property colour"),
+        "  - name: a\n    kind: ndjson\n    write: x\n    changes_filter: kind =\n": (":6", "changes_filter"),
         "  []\n": (":3", "1 or more"),
     }
     for text, (where, said) in wrong.items():
@@ -281,3 +283,16 @@ def test_events_go_out_in_their_order_once(world: World, tmp_path: Path) -> None
     written = [json.loads(each) for each in out.read_bytes().splitlines()]
     assert [each["id"] for each in written] == made
     assert [int(each["sequence"]) for each in written] == sorted(int(each["sequence"]) for each in written)
+
+
+def test_events_that_a_filter_does_not_take_are_passed_over(world: World, tmp_path: Path) -> None:
+    """So is the cursor: none is looked at again by a bridge that gives out more later."""
+    out = tmp_path / "events.ndjson"
+    made = make_events(world, 9)
+    numbers = [seq for (seq,) in world.rows("select seq from semap.event order by seq")]
+    wanted = f"seq IN ({numbers[1]}, {numbers[4]}) OR (type = 'left' AND instance = 'nowhere')"
+    one = entry(tmp_path, write="events.ndjson", from_start=True, filter=wanted)
+    with running(world, one):
+        until(lambda: out.exists() and out.read_bytes().count(b"\n") == 2)
+    assert [json.loads(each)["id"] for each in out.read_bytes().splitlines()] == [made[1], made[4]]
+    assert report(world)["delivered"] == 2

@@ -6,6 +6,7 @@ import pytest
 from rule_work import running_worker
 from semap_service.cli import demo
 from semap_service.cli.recorded_office import play_recorded_office, verdict
+from semap_service.processes.supervisor import Supervisor
 
 
 def test_the_verdict_says_what_is_wrong():
@@ -48,3 +49,24 @@ def test_it_is_made_once_and_judged(database, monkeypatch, tmp_path):
         said.clear()
         play_recorded_office(database, None, said.append, lambda done, total: None)
     assert said[0].startswith("Playing")
+
+
+@pytest.mark.slow
+def test_a_bridge_hears_it_live(database, monkeypatch, tmp_path):
+    pytest.importorskip("cyclonedds")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    said = []
+    with running_worker(database), Supervisor(database) as supervisor:
+        play_recorded_office(database, None, said.append, lambda done, total: None, supervisor)
+    assert (
+        said[1]
+        == "Publishing 93 s of images (30 Hz) and scans (15 Hz) as ROS 2 topics, which a bridge hears:"
+    )
+    events = [line for line in said if "2026-01-05 09:1" in line]
+    *_, transitions, doors, relations, last = said
+    happened, found, made_up = (
+        sum(int(line.split()[column]) for line in (transitions, doors, relations)) for column in (1, 2, 3)
+    )
+    assert found + made_up == len(events)
+    assert found > happened / 2, said
+    assert last == verdict(happened, found, made_up)

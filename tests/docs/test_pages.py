@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from bridge.mosquitto import needs_mosquitto
+from semap_bridge.config import read_config
 from transcript import Session, blocks
 
 CHECKOUT = Path(__file__).parents[2]
@@ -22,6 +23,7 @@ PAGES = (
     "docs/bridges.md",
     "docs/bridges/bacnet.md",
     "docs/bridges/foxglove.md",
+    "docs/bridges/omlox.md",
     "docs/how-to/own-building.md",
     "docs/how-to/own-tracker.md",
     "docs/how-to/tokens.md",
@@ -64,6 +66,15 @@ def _port_of_four_digits() -> int:
         with suppress(OSError), socket.create_server(("127.0.0.1", port)):
             return port
     raise AssertionError("no port is free")
+
+
+@pytest.mark.parametrize("page", sorted(Path(CHECKOUT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_every_config_of_bridges_that_is_shown_is_one(page: Path, tmp_path: Path) -> None:
+    shown = [each for each in blocks(page.read_text()) if each.kind == "yaml" and "bridges:" in each.body]
+    for number, block in enumerate(shown):
+        config = tmp_path / f"{number}.yaml"
+        config.write_text(block.body)
+        assert read_config(config).bridges, f"{page.name}, line {block.line}"
 
 
 def test_every_page_for_beginners_that_shows_commands_is_followed() -> None:

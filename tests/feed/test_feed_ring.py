@@ -4,12 +4,13 @@ import asyncio
 
 from hypothesis import given
 from hypothesis import strategies as st
-from semap_service.database.event_selection import Selection
 from semap_service.feed.channel import Channels
 from semap_service.feed.encoding import Envelope, SocketEncoding
 from semap_service.feed.ring import Entry, Feed
 from sqlalchemy import create_engine
 from stored import stored
+
+from semap.store.event.event_selection import Selection
 
 OFFICE = Selection(map="office")
 

@@ -4,10 +4,10 @@ from datetime import timedelta
 
 import pytest
 import shapely
-from semap_service.database.event_selection import KINDS, Selection
 from stored import STAMP, stored
 
 from semap.errors import InvalidInput
+from semap.store.event.event_selection import KINDS, Selection
 
 EVENTS = [
     stored(1),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import ssl
 from collections.abc import Callable, Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 from urllib.parse import quote
 
 from nats.aio.client import Client
@@ -29,6 +29,7 @@ from semap_bridge import adapter
 from semap_bridge.adapter import Adapter, Happening, Sight, Sink
 from semap_bridge.config import ConfigPath
 from semap_bridge.context import Context
+from semap_bridge.messages.cursor import number_in
 from semap_bridge.secret import Login, Tls, read_secret
 
 ANSWER_S = 10.0
@@ -76,6 +77,12 @@ class Nats(Adapter[NatsSettings]):
     async def open(self) -> None:
         settings = self.settings
         login, tls = settings.login, settings.tls
+        shown: dict[str, Any] = {
+            "user": None if login is None else login.user,
+            "password": None if login is None else login.password(),
+            "token": None if settings.token_file is None else read_secret(settings.token_file),
+            "tls": None if tls is None else tls.context(),
+        }
         try:
             # kept, so that `close` ends what of a connection was made, too
             self._client = Client()
@@ -87,10 +94,7 @@ class Nats(Adapter[NatsSettings]):
                 reconnect_time_wait=0,
                 connect_timeout=int(ANSWER_S),
                 error_cb=self._hear,
-                user=None if login is None else login.user,
-                password=None if login is None else login.password(),
-                token=None if settings.token_file is None else read_secret(settings.token_file),
-                tls=None if tls is None else tls.context(),
+                **shown,
             )
         except (TimeoutError, Error, OSError, ssl.SSLError) as error:
             raise self.unreachable(self._said or error) from error
@@ -131,7 +135,7 @@ class Nats(Adapter[NatsSettings]):
                 remedy = "Make room: on the server's disk, or by the limits of the stream."
         elif isinstance(error, AuthorizationError) or "uthori" in said:
             remedy = "Correct `login` or `token_file`; what is new in a file is taken at the next try."
-        elif isinstance(error, ssl.SSLError):
+        elif isinstance(error, ssl.SSLError) or "SSL" in said:
             remedy = "Correct `tls`: whom to trust (ca_file), and what this client shows."
         return ServiceUnreachable(f"NATS at {self.settings.servers}: {said}.", remedy)
 
@@ -152,6 +156,16 @@ class _Last(NamedTuple):
 
     number: int
     sequence: int
+
+
+def number_of(message: bytes, map_name: str) -> int | None:
+    """Of an event or a change of this map; None for whatever else a subject may have."""
+    try:
+        number = number_in(message, "sequence")
+    except ValueError:
+        return None
+    is_own = json.loads(message).get("source") == f"/maps/{quote(map_name, safe='')}"
+    return number if is_own else None
 
 
 class _Publishing(Sink):
@@ -205,17 +219,13 @@ class _Publishing(Sink):
             message = await self._stream.get_last_msg(name, self._subject)
         except NotFoundError:
             return _Last(0, 0)
-        try:
-            said = json.loads(message.data or b"")
-            last = _Last(int(said["sequence"]), message.seq or 0)
-            is_own = said["source"] == f"/maps/{quote(self._context.map_name, safe='')}"
-        except (ValueError, KeyError, TypeError):
-            is_own = False
-        if not is_own:
+        number = number_of(message.data or b"", self._context.map_name)
+        if number is None:
             raise ServiceUnreachable(
                 f"The subject {self._subject} has a message that is not of the map {self._context.map_name}.",
                 "Name a subject that this bridge alone writes to.",
             )
+        last = _Last(number, message.seq or 0)
         if self._newest is not None and last.number > (newest := await self._context.ask(self._newest)):
             raise Conflict(
                 f"The subject {self._subject} has events up to number {last.number}, and this database up to"

@@ -8,7 +8,6 @@ last line, so that each event is in it once; a line that was cut short is cut of
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
@@ -23,6 +22,7 @@ from semap_bridge import adapter
 from semap_bridge.adapter import Adapter, Batch, Happening, Sight, Sink, Source
 from semap_bridge.config import ConfigPath
 from semap_bridge.lines import batch_of_lines
+from semap_bridge.messages.cursor import number_in
 
 LINES = 1000
 LONGEST_LINE = 1 << 20
@@ -192,12 +192,12 @@ def _last_number(path: Path) -> int | None:
             end = last = 0
             for line in file:
                 if line.endswith(b"\n"):
-                    end, last = end + len(line), int(json.loads(line)["sequence"])
+                    end, last = end + len(line), number_in(line, "sequence")
             file.truncate(end)
             return last if end else None
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError) as error:
         raise ServiceUnreachable(
             f"{path} cannot be gone on with: {error}.", "Name a file that semap alone writes to."
         ) from error

@@ -19,6 +19,7 @@ from semap.store.motion.live import ShownDoor, ShownTrack
 from semap.timeline.stamp import rfc3339
 from semap_bridge.adapter import Happening
 from semap_bridge.home_assistant.house import Thing
+from semap_bridge.messages.told import Unusable, read_name, read_topic
 
 LONGEST_STATE = 255
 NOBODY, NO_ROOM, AWAY = "nobody", "no room", "away"
@@ -205,8 +206,8 @@ def states_named_in(config: bytes) -> list[str]:
         document = json.loads(config)
         components = [*document["components"].values()]
         named = [document.get("state_topic"), *(each.get("state_topic") for each in components)]
-        return [each for each in named if isinstance(each, str) and each]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return [read_topic(each) for each in named if each]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, Unusable):
         return []
 
 
@@ -214,10 +215,9 @@ def person_named_in(config: bytes) -> str | None:
     """The name of the person whom a document is of."""
     try:
         device = json.loads(config)["device"]
-        name = device["name"] if device["model"] == "person" else None
-    except (ValueError, KeyError, TypeError, RecursionError):
+        return read_name(device["name"], "name") if device["model"] == "person" else None
+    except (ValueError, KeyError, TypeError, RecursionError, Unusable):
         return None
-    return name if isinstance(name, str) else None
 
 
 def as_json(value: object) -> bytes:

@@ -17,6 +17,7 @@ from semap.timeline.stamp import parse_stamp, to_datetime
 LONGEST_TEXT, LONGEST_NAME = 1000, 200
 LARGEST_S, LARGEST_MS, LARGEST_US = 1e11, 1e14, 1e17
 """A number below the first is a stamp in seconds, below the second in milliseconds, and so on."""
+OLDEST_US = 946_684_800_000_000
 SHOWN = 60
 
 
@@ -158,8 +159,28 @@ def read_name(value: object, what: str, longest: int = LONGEST_NAME) -> str:
     return name
 
 
+def read_topic(value: object) -> str:
+    """A topic to publish to; raises Unusable."""
+    topic = read_text(value, "topic")
+    if "+" in topic or "#" in topic:
+        raise Unusable("topic has a wildcard", shown(topic))
+    return topic
+
+
 def read_stamp(value: object) -> int:
-    """Microseconds since 1970 of an ISO 8601 text, or of a number of s, ms, us or ns; raises Unusable."""
+    """Microseconds since 1970 of an ISO 8601 text, or of a number of s, ms, us or ns; raises Unusable.
+
+    A stamp before 2000 is refused: that of a device that has not set its clock, or counts from its start.
+    """
+    stamp_us = _stamp_us(value)
+    if not EARLIEST_US <= stamp_us < LATEST_US:
+        raise Unusable("stamp out of range", shown(value))
+    if stamp_us < OLDEST_US:
+        raise Unusable("stamp before 2000", f"{shown(value)}: let the sender set its clock, or omit `stamp`")
+    return stamp_us
+
+
+def _stamp_us(value: object) -> int:
     if value is None:
         raise Unusable("no stamp", "the message has none where the format says")
     if isinstance(value, str):
@@ -175,10 +196,7 @@ def read_stamp(value: object) -> int:
         raise Unusable("no stamp", f"{shown(value)}: give it with its offset, or as a number") from error
     size = abs(number)
     scale = 1e6 if size < LARGEST_S else 1e3 if size < LARGEST_MS else 1.0 if size < LARGEST_US else 1e-3
-    stamp_us = round(number * scale)
-    if not EARLIEST_US <= stamp_us < LATEST_US:
-        raise Unusable("stamp out of range", shown(value))
-    return stamp_us
+    return round(number * scale)
 
 
 def object_state(

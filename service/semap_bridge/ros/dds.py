@@ -43,9 +43,6 @@ RMW = {
 PREFIX = "rt/"
 """Of topics of ROS among those of DDS."""
 MOST = 100_000
-DEPTH = {"tf2_msgs/msg/TFMessage": 1000, "sensor_msgs/msg/LaserScan": 100}
-"""Messages of a topic that wait to be taken, where that is not a few."""
-FEW = 10
 KEPT = 1000
 """Messages that a writer keeps for readers that are slow."""
 ANY = SampleState.Any | ViewState.Any
@@ -121,9 +118,8 @@ class Dds(Graph):
         heard = []
         for topic, (offer, reader) in self._readers.items():
             taken = reader.take(MOST)
-            # DDS counts what a weak publisher sent in vain, and not what a full queue drove out
+            # what a weak publisher sent in vain; nothing is driven out here, as DDS would not count it
             self.lost += reader.get_sample_lost_status().total_count_change  # type: ignore[no-untyped-call]
-            self.lost += len(taken) >= _depth(offer)
             for each in taken:
                 if not isinstance(each, InvalidSample):
                     sent_us = each.sample_info.source_timestamp // 1000
@@ -154,7 +150,7 @@ class Dds(Graph):
         qos = Qos(
             RELIABLE if offer.is_reliable else Policy.Reliability.BestEffort,
             Policy.Durability.TransientLocal if offer.is_latched else Policy.Durability.Volatile,
-            Policy.History.KeepLast(_depth(offer)),
+            Policy.History.KeepAll,
         )
         return DataReader(self._participant, self._topic(PREFIX + offer.topic[1:], offer.type), qos)
 
@@ -265,10 +261,6 @@ def _configured(domain: int, config: str | None) -> Domain | None:
 def _way(offer: Offer) -> tuple[str, bool, bool]:
     """How a topic is subscribed to."""
     return offer.type, offer.is_reliable, offer.is_latched
-
-
-def _depth(offer: Offer) -> int:
-    return DEPTH.get(offer.type, FEW)
 
 
 def _unreachable(error: DDSException) -> ServiceUnreachable:

@@ -53,7 +53,7 @@ class Graph(ABC):
     """A node in a graph of topics. Its methods wait, and are called by threads.
 
     is_ros1  how bytes mean something
-    lost     messages so far that were gone before they could be taken; where a queue ran over, at least one
+    lost     messages so far that were gone before they could be taken
     """
 
     is_ros1: bool

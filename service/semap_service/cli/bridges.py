@@ -35,13 +35,20 @@ A config names a map and what it is connected with:
 \b
 semap bridge check CONFIG.yaml   connects, says what it sees, and writes nothing
 semap bridge CONFIG.yaml         runs it, a process for each bridge
+semap bridge foxglove --map M    runs one of a kind that needs no more settings
 semap up --bridge CONFIG.yaml    runs it with all else
 semap bridge play RECORDING      is a robot: a recording as ROS 2 topics, in its own time
 """
 RUN = "run"
 CHECK_S = 0.5
 
-ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML file with the bridges.")]
+ConfigFile = Annotated[
+    Path, typer.Argument(metavar="CONFIG", help="YAML file with the bridges; or a kind, with --map.")
+]
+OfMap = Annotated[
+    str | None,
+    typer.Option("--map", metavar="NAME", help="Map of a kind that needs no config.", show_default=False),
+]
 Only = Annotated[
     str | None, typer.Option(metavar="NAME", help="Only the bridge of this name.", show_default=False)
 ]
@@ -74,6 +81,7 @@ def commands() -> typer.Typer:
 
 def run(
     config: ConfigFile,
+    of_map: OfMap = None,
     only: Only = None,
     log_format: LogFormatOption = LogFormat.TEXT,
     log_level: LogLevelOption = None,
@@ -87,7 +95,7 @@ def run(
 
     from semap_service.processes.supervisor import stop_signal  # noqa: PLC0415
 
-    read = read_config(config)
+    read = read_config(config, of_map)
     entries = read.bridges if only is None else (read.of(only),)
     known = None if past is None else delivery.Past(*past)
     write_log(log_format, log_level or LogLevel.INFO)
@@ -116,6 +124,7 @@ def _run_all(dsn: str, config: Config, logged: Sequence[str]) -> None:
 
 def check(
     config: ConfigFile,
+    of_map: OfMap = None,
     only: Only = None,
     seconds: Annotated[float, typer.Option(min=0.1, help="How long to look at each.")] = 5.0,
     as_json: AsJson = False,
@@ -125,7 +134,7 @@ def check(
     from semap_bridge.checking import check_bridge  # noqa: PLC0415
     from semap_bridge.config import read_config  # noqa: PLC0415
 
-    read = read_config(config)
+    read = read_config(config, of_map)
     entries = read.bridges if only is None else (read.of(only),)
     rows: list[dict[str, object]] = []
     with database(dsn) as opened:

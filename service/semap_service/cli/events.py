@@ -21,8 +21,8 @@ from semap_service.cli.session import AsJson, Dsn, database
 if TYPE_CHECKING:
     from sqlalchemy import Engine
 
+    from semap.store.event.event_selection import Selection
     from semap.store.event.events import StoredEvent, Stretch
-    from semap_service.database.event_selection import Selection
 
 PAGE = 500
 WAKE_S = 1.0
@@ -57,7 +57,7 @@ def events(
     dsn: Dsn = None,
 ) -> None:
     """Show events, oldest first, each with its number, stamp, track and instance."""
-    from semap_service.database.event_selection import Selection  # noqa: PLC0415
+    from semap.store.event.event_selection import Selection  # noqa: PLC0415
 
     selection = Selection(map_name, kind, rule, where)
     selection.check()

@@ -46,9 +46,9 @@ def add(
     An address of a private network is sent to only by a service that runs with --allow-private-webhooks.
     """
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.event.event_selection import Selection  # noqa: PLC0415
     from semap.store.event.webhooks import create_webhook  # noqa: PLC0415
     from semap.store.map.maps import get_map  # noqa: PLC0415
-    from semap_service.database.event_selection import Selection  # noqa: PLC0415
     from semap_service.webhooks.address import require_url  # noqa: PLC0415
     from semap_service.webhooks.signature import new_secret, shown  # noqa: PLC0415
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from semap_service.database.event_selection import Selection
+from semap.store.event.event_selection import Selection
 from semap_service.feed.encoding import SocketEncoding, StreamEncoding
 from semap_service.feed.ring import Feed, Page
 

@@ -9,8 +9,8 @@ from fastapi import Depends, Query
 from starlette.requests import HTTPConnection
 
 from semap.errors import InvalidInput
+from semap.store.event.event_selection import Selection
 from semap_service.context.caller import current_caller
-from semap_service.database.event_selection import Selection
 from semap_service.documents.cloud_event import schema_url
 from semap_service.documents.document import LARGEST_ID, MapFilter, Name
 from semap_service.feed.encoding import Envelope

@@ -30,9 +30,9 @@ from semap.errors import SemapError, ServerUnavailable
 from semap.store.database.backoff import Reminder
 from semap.store.database.event_number import newest_event
 from semap.store.event.cloud_event import event_json
+from semap.store.event.event_selection import Selection
 from semap.store.event.event_tail import EventTail
 from semap.store.event.events import StoredEvent, read_stretch
-from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import transaction
 from semap_service.http.outlet import MOST_BEHIND
 

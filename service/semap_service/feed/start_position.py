@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from sqlalchemy import Engine
 
 from semap.errors import InvalidInput, NotFound
+from semap.store.event.event_selection import Selection
 from semap.store.event.events import kept_events
 from semap.store.map.maps import get_map
 from semap_service.context.caller import SYSTEM, acting_as
-from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import transaction
 
 

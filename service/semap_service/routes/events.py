@@ -15,9 +15,9 @@ from starlette.requests import Request
 from semap.errors import InvalidInput
 from semap.store.event import event_search
 from semap.store.event.cloud_event import BATCH
+from semap.store.event.event_selection import Selection
 from semap.timeline.stamp import to_datetime, to_us
 from semap_service.context.caller import current_caller
-from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import Database, transaction
 from semap_service.documents.asyncapi import asyncapi
 from semap_service.documents.cloud_event import CloudEventDocument, schema_url

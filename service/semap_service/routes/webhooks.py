@@ -15,10 +15,10 @@ from sqlalchemy import Connection
 
 from semap.errors import NotFound
 from semap.store.event import webhooks
+from semap.store.event.event_selection import Selection
 from semap.store.event.webhook_delivery import Line, read_line
 from semap.store.map.maps import get_map
 from semap_service.context.caller import current_caller
-from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import Database, Edit, transaction
 from semap_service.documents.document import (
     LARGEST_ID,

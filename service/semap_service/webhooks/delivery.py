@@ -26,6 +26,7 @@ from semap.errors import InvalidInput, SemapError, ServerUnavailable
 from semap.store.database.backoff import Reminder
 from semap.store.database.connection import is_open, open_engine, own_session
 from semap.store.database.event_number import newest_event
+from semap.store.event.event_selection import Selection
 from semap.store.event.events import StoredEvent, Stretch, read_stretch
 from semap.store.event.webhook_delivery import (
     Failure,
@@ -43,7 +44,6 @@ from semap.store.event.webhook_delivery import (
     take_turn,
 )
 from semap_service.context.caller import SYSTEM, acting_as
-from semap_service.database.event_selection import Selection
 from semap_service.database.transaction import transaction
 from semap_service.webhooks.message import message_id, message_of, ping
 from semap_service.webhooks.retry import Retry

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
@@ -35,6 +36,8 @@ REMEDIES: Mapping[int, str] = {
 }
 TELLING = (KafkaError._AUTHENTICATION, KafkaError._SSL, KafkaError.SASL_AUTHENTICATION_FAILED)
 """What says more than that all brokers are away."""
+AFTER = re.compile(r" \(after .*")
+"""What differs from one try to the next."""
 AWAY = "See that the brokers run, that their disks have room, and that `servers` is right."
 
 
@@ -70,15 +73,26 @@ class Connection:
 
     def unreachable(self, error: KafkaError, about: str = "") -> ServiceUnreachable:
         """What to raise for an error, or for what is behind it."""
-        told = self._told if self._told is not None and self._told.code() in TELLING else error
+        told = self._told if self._told is not None and _is_telling(self._told) else error
         where = about or f"Kafka at {self._servers}"
-        return ServiceUnreachable(f"{where}: {told.str()}.", REMEDIES.get(told.code(), AWAY))
+        said = AFTER.sub("", told.str())
+        remedy = REMEDIES[KafkaError._SSL] if _is_of_tls(told) else REMEDIES.get(told.code(), AWAY)
+        return ServiceUnreachable(f"{where}: {said}.", remedy)
 
     def _hear(self, error: KafkaError) -> None:
         if error.code() == KafkaError._ALL_BROKERS_DOWN and self._told is not None:
             return
-        if error.code() in (KafkaError._ALL_BROKERS_DOWN, *TELLING):
+        if error.code() == KafkaError._ALL_BROKERS_DOWN or _is_telling(error):
             self._told = error
+
+
+def _is_telling(error: KafkaError) -> bool:
+    return error.code() in TELLING or _is_of_tls(error)
+
+
+def _is_of_tls(error: KafkaError) -> bool:
+    """Also where a broker hangs up on what it was shown, which librdkafka takes for a lost connection."""
+    return error.code() == KafkaError._SSL or (error.code() == KafkaError._TRANSPORT and "SSL" in error.str())
 
 
 def _config(settings: KafkaSettings) -> dict[str, Value]:

@@ -11,6 +11,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import replace
 from heapq import merge
 from math import inf
 from operator import itemgetter
@@ -30,6 +31,7 @@ from semap.store.motion.bridges import Position
 from semap_bridge.adapter import Batch, Source
 from semap_bridge.adapters.kafka.connection import ANSWER_S, GROUP, Connection
 from semap_bridge.adapters.kafka.decoding import batch_of_records
+from semap_bridge.adapters.kafka.moments import Moments
 from semap_bridge.adapters.kafka.settings import KafkaSettings
 from semap_bridge.context import Context
 
@@ -70,11 +72,11 @@ class Partition:
 
     def is_behind(self) -> bool:
         """There is more, and none of it is here yet."""
-        return not self.waiting and self._has_more()
+        return not self.waiting and self.has_more()
 
     def until_ms(self) -> float:
         """Nothing from before it is to come."""
-        return self._newest_ms if self._has_more() else inf
+        return self._newest_ms if self.has_more() else inf
 
     def take(self, until_ms: float) -> list[tuple[int, Message]]:
         taken = []
@@ -84,7 +86,8 @@ class Partition:
             self.emitted = (taken[-1][1].offset() or 0) + 1
         return taken
 
-    def _has_more(self) -> bool:
+    def has_more(self) -> bool:
+        """There is more than was read."""
         return not self.is_over and self.read < self.end
 
 
@@ -98,6 +101,7 @@ class Reading(Source):
         self._context = context
         self._topic_id = ""
         self._partitions: dict[int, Partition] = {}
+        self._moments = Moments()
         self._held_back: set[int] = set()
         self._looked_s = time.monotonic()
         self._lock = Lock()
@@ -195,10 +199,9 @@ class Reading(Source):
                 self._hold_back()
             except KafkaException as error:
                 raise self._connection.unreachable(error.args[0]) from error
-        if not ready:
-            return None
-        batch = batch_of_records(ready)
-        return Batch(batch.states, batch.objects, refused=batch.refused, position=self._position())
+            is_more = first is not None and any(each.has_more() for each in self._partitions.values())
+        batch = self._moments.take(ready, batch_of_records(ready), is_more=is_more)
+        return replace(batch, position=self._position()) if batch.records else None
 
     def _hear_all(self, first: Message) -> None:
         """A record, and what is here with it."""
@@ -260,5 +263,6 @@ class Reading(Source):
             self._add(number, 0, is_first=False)
 
     def _position(self) -> Position:
-        offsets = {str(number): each.emitted for number, each in self._partitions.items()}
+        begins = self._moments.begins()
+        offsets = {str(number): begins.get(number, each.emitted) for number, each in self._partitions.items()}
         return {"topic": self._topic, "id": self._topic_id, "offsets": offsets}

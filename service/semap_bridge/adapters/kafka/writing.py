@@ -33,6 +33,7 @@ from semap.store.relation.changes import StoredChange
 from semap_bridge.adapter import Happening, Sink
 from semap_bridge.adapters.kafka.connection import ANSWER_S, GROUP, Connection
 from semap_bridge.context import Context
+from semap_bridge.messages.cursor import number_in
 
 TRANSACTION_S = 60.0
 """Then a broker undoes a transaction of its own accord."""
@@ -200,7 +201,7 @@ class Writing(Sink):
                 error = message.error()
                 if error is None:
                     if message.key() == self._id.encode():
-                        found = int(json.loads(message.value() or b"")["event"])
+                        found = self._cursor_of(message.value() or b"")
                 elif error.code() != KafkaError._PARTITION_EOF:
                     raise KafkaException(error)
                 elif (message.offset() or 0) >= end:
@@ -208,6 +209,15 @@ class Writing(Sink):
         finally:
             consumer.close()
         raise ServiceUnreachable(f"The topic {self._cursors} could not be read to its end.")
+
+    def _cursor_of(self, value: bytes) -> int:
+        try:
+            return number_in(value, "event")
+        except ValueError as error:
+            raise ServiceUnreachable(
+                f"The topic {self._cursors} has a cursor that is none: {error}.",
+                "Name a topic in `cursors` that semap alone writes to.",
+            ) from error
 
 
 def _key(happening: Happening) -> str:
