@@ -1,7 +1,7 @@
 """The map tracker on scenes of a few detections, each with what must come of it."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from filterpy.common import Q_continuous_white_noise
 from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from semap_ingest.sensing.detections import BOTH, CAMERA, LASER, Detections
+from semap_ingest.sensing.detections import BOTH, CAMERA, LASER, Detections, no_look
 from semap_ingest.sensing.track_states import TrackStates
 from semap_ingest.tracking.map_tracker import MapTracker, MapTrackerSettings
 from semap_ingest.tracking.walking import Walking
@@ -150,6 +150,45 @@ def test_after_longer_only_the_image_track_tells_who_it_is(image_after: int, tra
     after = frames_of(lambda _: [[2.3, 0.0]], 1.0, start_us=hidden[-1].stamp_us + PERIOD_US, hint=image_after)
     states = tracked([*before, *hidden, *after])
     assert numbers(states)[-1] == [track_after]
+
+
+@dataclass(frozen=True)
+class UpTo:
+    """Sight of a sensor that sees what is nearer than so much along x."""
+
+    x_m: float
+
+    def reaches(self, position_m: np.ndarray) -> np.ndarray:
+        return position_m[:, 0] < self.x_m
+
+
+def out_of_sight(where: Callable[[float], object], away_s: float) -> list[list[int]]:
+    """Numbers at the end of those who are seen again after a sensor has looked elsewhere for so long."""
+    before = frames_of(where, 2.0)
+    away = frames_of(lambda _: [], away_s, start_us=before[-1].stamp_us + PERIOD_US)
+    after = frames_of(where, 2.0, start_us=away[-1].stamp_us + PERIOD_US)
+    states = tracked([*before, *(replace(each, sight=UpTo(1.0)) for each in away), *after])
+    return [sorted({n for each in states for n in each.track.tolist()}), states[-1].track.tolist()]
+
+
+@pytest.mark.parametrize("away_s", [2.0, 8.0, 14.0])
+def test_who_stands_out_of_sight_is_the_same_when_seen_again(away_s: float) -> None:
+    assert out_of_sight(lambda _: [[2.0, 0.0], [3.0, 1.0]], away_s) == [[1, 2], [1, 2]]
+
+
+def test_who_walks_out_of_sight_or_stands_there_for_longer_is_somebody_else() -> None:
+    assert out_of_sight(lambda t: [[2.0 + 0.6 * t, 0.0]], 8.0) == [[1, 2], [2]]
+    assert out_of_sight(lambda _: [[2.0, 0.0]], 17.0) == [[1, 2], [2]]
+
+
+def test_who_stood_elsewhere_when_seen_again_is_somebody_else() -> None:
+    assert out_of_sight(lambda t: [[2.0 if t < 4.0 else 3.0, 0.0]], 8.0) == [[1, 2], [2]]
+
+
+def test_where_no_sensor_looks_any_more_who_stands_is_over_as_well() -> None:
+    before = frames_of(lambda _: [[2.0, 0.0]], 2.0)
+    states = tracked([*before, no_look(before[-1].stamp_us + 1_600_000, "map")])
+    assert [number for number, _ in states[-1].ended] == [1]
 
 
 def test_a_track_that_is_over_is_told_once_with_when_it_was_last_seen() -> None:

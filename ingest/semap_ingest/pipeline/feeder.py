@@ -23,6 +23,7 @@ from semap_ingest.image.detector import ImageDetector
 from semap_ingest.laser.cloud_slice import sliced
 from semap_ingest.laser.detector import LegDetector
 from semap_ingest.laser.standing import StandingThings
+from semap_ingest.laser.stirring import Stirring
 from semap_ingest.lines.segments import find_lines
 from semap_ingest.pipeline.calibrations import Calibrations
 from semap_ingest.pipeline.given import person_boxes
@@ -79,13 +80,24 @@ class Feeder:
 
     number    its place among the sensors
     things    what stands where its laser looks
+    stirring  how much what is there stirs; None where another sensor knows better who stands
     given     records that were given to it, and used: those of them that could tell something
     left_out  why records, or parts of them, could not be used
     """
 
-    def __init__(self, sensor: Sensor, number: int, calibrations: Calibrations, meter: Meter) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        number: int,
+        calibrations: Calibrations,
+        meter: Meter,
+        *,
+        is_alone: bool = True,
+    ) -> None:
+        """is_alone: no camera is this laser's partner"""
         self.sensor, self.number = sensor, number
         self.things = StandingThings()
+        self.stirring = Stirring() if is_alone else None
         self.given = self.used = 0
         self.left_out: Counter[str] = Counter()
         self._calibrations = calibrations

@@ -72,6 +72,7 @@ class Measuring:
         self, laser: Placed, scan: ScanFound, stamp_us: int, believed_m: NDArray[np.float64]
     ) -> Detections:
         geometry = SensorGeometry(None, None, laser.map_T_sensor, self._floor_z_m)
+        scan = self._weighed(laser, scan)
         clusters = self._feeder_of[laser.looked.sensor.name].things.without(scan.clusters, laser.map_T_sensor)
         found = fuse(None, clusters, geometry, stamp_us, self._map_frame)
         self._learn_things(laser, scan, stamp_us, believed_m)
@@ -102,6 +103,13 @@ class Measuring:
         number = self._feeder_of[eye.looked.sensor.name].number
         hint = hint_of(number, found.hint)
         return replace(found, hint=hint, sight=sight, detected=detected, sensor=number)
+
+    def _weighed(self, laser: Placed, scan: ScanFound) -> ScanFound:
+        """With scores by whether clusters stir in their places, where no camera knows better who stands."""
+        stirring, clusters = self._feeder_of[laser.looked.sensor.name].stirring, scan.clusters
+        if stirring is None:
+            return scan
+        return replace(scan, clusters=replace(clusters, score=stirring.scores(clusters, laser.map_T_sensor)))
 
     def _learn_things(
         self, laser: Placed, scan: ScanFound, stamp_us: int, persons_m: NDArray[np.float64]

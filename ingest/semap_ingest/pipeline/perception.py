@@ -85,8 +85,10 @@ class Perception:
         self.reasons: dict[tuple[str, str, Missing], str] = {}
         self.map_frame, self._meter = map_frame, meter
         self._calibrations = Calibrations()
+        partners = {each.partner for each in sensors}
         self.feeders = {
-            each.topic: Feeder(each, number, self._calibrations, meter) for number, each in enumerate(sensors)
+            each.topic: Feeder(each, number, self._calibrations, meter, is_alone=each.name not in partners)
+            for number, each in enumerate(sensors)
         }
         self._order = StampOrder(max([MAX_JUMP_US, *(3 * each.period_us for each in sensors)]))
         self._transforms = TransformBuffer()

@@ -27,11 +27,13 @@ from numpy.typing import NDArray
 
 from semap_ingest.sensing.detections import Detections, sensor_of
 from semap_ingest.tracking.assignment import Indices, assign
-from semap_ingest.tracking.deletion import Patience
+from semap_ingest.tracking.deletion import Patience, rests
 from semap_ingest.tracking.kalman import Distances, distances
 from semap_ingest.tracking.map_tracks import MapTracks
 
 Floats = NDArray[np.float64]
+RESTING_US = 500_000
+"""Unseen for longer, who stands out of sight is no less likely there."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,10 @@ def associate(
             np.where(slipped, wider.squared, distance.squared),
             np.where(slipped, wider.log_determinant, distance.log_determinant),
         )
-    can_be = (distance.squared <= settings.gate) & ((unseen_us <= patience.confirmed_us)[:, None] | is_same)
+    is_resting = rests(tracks, detections.stamp_us, patience)
+    unseen_us = np.where(is_resting, np.minimum(unseen_us, RESTING_US), unseen_us)
+    is_kept = (unseen_us <= patience.confirmed_us) | is_resting
+    can_be = (distance.squared <= settings.gate) & (is_kept[:, None] | is_same)
     by_place = np.where(can_be, distance.squared + distance.log_determinant, np.inf)
     cost = by_place + 2 * math.log(2 * math.pi)
     cost -= 2 * _detection_log_odds(tracks, unseen_us, detections, settings)[:, None]

@@ -23,13 +23,13 @@ from semap_ingest.sensing.detections import Detections
 from semap_ingest.sensing.track_states import TrackAmendment, TrackStates
 from semap_ingest.tracking.amendment import Amender, Evidence
 from semap_ingest.tracking.assignment import unassigned
-from semap_ingest.tracking.association import Association, Pairs, associate
-from semap_ingest.tracking.deletion import Patience, is_over
+from semap_ingest.tracking.association import RESTING_US, Association, Pairs, associate
+from semap_ingest.tracking.deletion import Patience, is_over, rests
 from semap_ingest.tracking.detection_rows import check, chosen, in_order
 from semap_ingest.tracking.existence import Existence, looked_at
 from semap_ingest.tracking.footprint import Body, heading, next_extent
 from semap_ingest.tracking.initiation import Initiation, begin, confirm
-from semap_ingest.tracking.kalman import less_certain, predict, update
+from semap_ingest.tracking.kalman import Gaussians, less_certain, predict, update
 from semap_ingest.tracking.map_tracks import UNCONFIRMED, MapTracks, no_tracks
 from semap_ingest.tracking.walking import Walking, frames_within, sway_covariance
 
@@ -88,7 +88,7 @@ class MapTracker:
         tracks = confirm(tracks, stamp_us, self._next_number, self._settings.existence)
         self._next_number = max(self._next_number, int(tracks.number.max(initial=0)) + 1)
         self._stamp_us, self._frame = stamp_us, frame
-        return self._ended_and_amended(tracks, rivals)
+        return self._ended_and_amended(tracks, rivals, is_watched=any(look.tells_all for look in looks))
 
     def _looked(
         self, tracks: MapTracks, look: Detections, number: int
@@ -149,14 +149,29 @@ class MapTracker:
             return self._tracks
         step_s = (stamp_us - self._stamp_us) / 1e6
         motion = predict(self._tracks.motion, step_s, self._settings.walking.acceleration_density)
+        motion = self._standing_still(motion, stamp_us)
         looks = np.zeros_like(self._tracks.looks)
         return replace(self._tracks, mean=motion.mean, covariance=motion.covariance, looks=looks)
 
-    def _ended_and_amended(self, tracks: MapTracks, rivals: list[tuple[int, int]]) -> TrackStates:
-        """Keeps the tracks that go on; says where they are, which are over, and what turns out."""
-        stamp_us = self._stamp_us or 0
+    def _standing_still(self, motion: Gaussians, stamp_us: int) -> Gaussians:
+        """With those as they are who stood when they went out of sight."""
+        stays = rests(self._tracks, stamp_us, self._settings.patience)
+        stays &= stamp_us - self._tracks.seen_us > RESTING_US
+        mean = np.where(stays[:, None], self._tracks.mean, motion.mean)
+        covariance = np.where(stays[:, None, None], self._tracks.covariance, motion.covariance)
+        return Gaussians(mean, covariance)
+
+    def _ended_and_amended(
+        self, tracks: MapTracks, rivals: list[tuple[int, int]], *, is_watched: bool
+    ) -> TrackStates:
+        """Keeps the tracks that go on; says where they are, which are over, and what turns out.
+
+        is_watched  a sensor has looked somewhere: else nobody is out of its sight
+        """
+        stamp_us, patience = self._stamp_us or 0, self._settings.patience
+        patience = patience if is_watched else replace(patience, resting_us=0)
         merged = self._amender.merged_alive(tracks, stamp_us)
-        is_gone = is_over(tracks, stamp_us, self._settings.patience, self._settings.existence)
+        is_gone = is_over(tracks, stamp_us, patience, self._settings.existence)
         for amendment in merged:
             is_gone |= tracks.number == amendment.track
         gone = tracks.chosen(is_gone & tracks.is_confirmed)
