@@ -21,6 +21,7 @@ from rules.certificate_cases import (
     formula_rules,
     interval_rules,
     pattern_rules,
+    quantified_rules,
     streams,
 )
 from scene import OPENED_THEN_ENTERED, STAYED, door, rule, visit
@@ -104,7 +105,7 @@ def test_no_changed_certificate_that_lies_passes(
     require_no_lie(data.draw(changed(certified(declared(rule), rows, span))))
 
 
-OTHER_KINDS = formula_rules() | interval_rules() | edge_rules()
+OTHER_KINDS = formula_rules() | quantified_rules() | interval_rules() | edge_rules()
 
 
 @RELAXED
