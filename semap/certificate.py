@@ -2518,12 +2518,13 @@ def summary(given: Mapping[str, Any], rule: Rule, streams: Sequence[Stream]) -> 
     def bound(each: Mapping[str, Any]) -> list[str]:
         return [f"  {label or '-'}: {said(rows[each['stream'], uid])}" for label, uid in each["rows"]]
 
+    keys = {stream.number: key_said(stream) for stream in streams}
     lines = [] if given["events"] else [f"The rule {rule.name} makes no event {span}."]
-    for each in given["events"]:
+    for each in sorted(given["events"], key=lambda event: event["stamp_us"]):
         lines += [f"The rule {rule.name} makes {each['event']} at {written(each['stamp_us'])}:", *bound(each)]
         lines += [f"  {name} = {canonical(value)}" for name, value in each["measures"].items()]
     for each in given["attempts"]:
-        lines += ["An attempt came to nothing:", *bound(each)]
+        lines += [f"An attempt came to nothing{keys[each['stream']]}:", *bound(each)]
         if each["awaits"]:
             lines.append(f"  next would have been {' or '.join(each['awaits'])}")
         ended_by = each["ended"].get("row", "") if isinstance(each["ended"], dict) else ""
@@ -2531,8 +2532,21 @@ def summary(given: Mapping[str, Any], rule: Rule, streams: Sequence[Stream]) -> 
         lines.append(f"  {ended_text(each['ended'], row)}")
     if given["other_attempts"]:
         lines.append(f"{given['other_attempts']} others came no further.")
-    of = f"{len(rows)} rows of {len(streams)} keys" if rule.partition_by else f"{len(rows)} rows"
+    of = counted(len(rows), "row")
+    if rule.partition_by:
+        of += f" of {counted(len(streams), 'key')}"
     return [*lines, f"That follows from {of}, known up to {written(given['known_us'])}."]
+
+
+def counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def key_said(stream: Stream) -> str:
+    """Of which key an attempt is, by names where its rows have them."""
+    row = stream.rows[0] if stream.rows else None
+    named = [f"{name} {at_path(row.values, name.split('.'))}" for name in stream.rule.partition_by if row]
+    return f" ({', '.join(named)})" if named else ""
 
 
 def said(row: Row) -> str:
