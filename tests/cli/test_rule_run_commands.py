@@ -74,6 +74,7 @@ def test_rules_are_proposed_out_of_what_is_stored(scene: DoorScene) -> None:
     refused = semap(dsn, "rule", "mine", "--map", "world", "--input", "nothing")
     assert refused.returncode == 0
     assert "0 rules proposed" in refused.stderr
+    assert "Looked at were these. Name queries" in refused.stderr
 
 
 def test_why_and_why_not(scene: DoorScene) -> None:
