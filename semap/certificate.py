@@ -1571,13 +1571,14 @@ def possible(one: Lasting, other: Lasting, moment: int) -> set[str]:
 
 FALSE, UNKNOWN, TRUE = 0, 1, 2
 FORMULA_WORDS = {"not", "and", "or", "implies", "always", "eventually", "until", "true", "false", "inf",
-                 "once", "historically", "since", "previous"}  # fmt: skip
+                 "once", "historically", "since", "previous", "exists", "forall"}  # fmt: skip
+LATER = "@later"
 UNARY = ("always", "eventually", "once", "historically", "previous")
 
 
 @dataclass(frozen=True)
 class Formula:
-    """op: atom, constant, not, and, or, until, since or one of UNARY; bounds in microseconds."""
+    """op: atom, exists, constant, not, and, or, until, since or one of UNARY; bounds in microseconds."""
 
     op: str
     parts: tuple[Formula, ...] = ()
@@ -1627,6 +1628,11 @@ def prefixed(reader: Reader) -> Formula:
         if reader.takes(word):
             least, most = bounds(reader)
             return Formula(word, (prefixed(reader),), least=least, most=most)
+    if reader.takes("exists"):
+        return Formula("exists", name=atom(reader.take()), parts=(prefixed(reader),))
+    if reader.takes("forall"):
+        name = atom(reader.take())
+        return Formula("not", (Formula("exists", (Formula("not", (prefixed(reader),)),), name),))
     if reader.takes("("):
         found = implied(reader)
         reader.need(")")
@@ -1634,9 +1640,13 @@ def prefixed(reader: Reader) -> Formula:
     word = reader.take()
     if word in ("true", "false"):
         return Formula("constant", value=TRUE if word == "true" else FALSE)
+    return Formula("atom", name=atom(word))
+
+
+def atom(word: str) -> str:
     if word in FORMULA_WORDS or not re.fullmatch(r"[A-Za-z_]\w*", word):
         wrong("formula: a variable is missing")
-    return Formula("atom", name=word)
+    return word
 
 
 def bounds(reader: Reader) -> tuple[float, float]:
@@ -1781,11 +1791,14 @@ def has_previous(formula: Formula) -> bool:
 
 
 def atoms_of(formula: Formula) -> set[str]:
-    return (
-        {formula.name}
-        if formula.op == "atom"
-        else {name for part in formula.parts for name in atoms_of(part)}
-    )
+    """The atoms, and the variables of quantifiers."""
+    own = {formula.name} if formula.op in ("atom", "exists") else set()
+    return own.union(*map(atoms_of, formula.parts))
+
+
+def variables_of(formula: Formula) -> set[str]:
+    own = {formula.name} if formula.op == "exists" else set()
+    return own.union(*map(variables_of, formula.parts))
 
 
 def reach_of(formula: Formula) -> float:
@@ -1801,17 +1814,79 @@ def evaluations(stream: Stream, known_us: int) -> Iterator[tuple[Row, int, int, 
     names = sorted(atoms_of(rule.formula))
     moments = sorted({row.stamp_us for row in stream.rows})
     busy_until = -INF
-    is_relative = any(asks_bound(rule.define[name]) for name in names)
+    variables = variables_of(formula)
+    is_relative = bool(variables) or any(asks_bound(rule.define[name]) for name in names)
+    intervals = list(lasting_rows(stream)) if variables else []
     known = courses(stream, names, stream.rows[0]) if stream.rows and not is_relative else None
     for row in stream.rows:
         if row.stamp_us <= busy_until or not starts(row, names, stream):
             continue
         atoms, changes = known or courses(stream, names, row)
-        found = first_verdict(formula, atoms, moments, row.stamp_us, known_us, stream)
+        chain = [(rule.when, row)] if rule.when is not None else []
+        plain = written_out(formula, chain, (), intervals, stream, atoms) if variables else formula
+        found = first_verdict(plain, atoms, moments, row.stamp_us, known_us, stream)
         if rule.when is None:
             busy_until = INF if found is None else found[0]
         if found is not None:
             yield row, found[1], found[0], changes.get(found[0], set())
+
+
+def lasting_rows(stream: Stream) -> Iterator[tuple[Row, Course]]:
+    """Each row that begins something, and when that lasts."""
+    for row in stream.rows:
+        if begun(row, ("",), stream):
+            later = (other for other in stream.rows[row.place + 1 :] if subject_of(other) == subject_of(row))
+            end = next(later, None)
+            if end is None or end.stamp_us > row.stamp_us:
+                yield row, [(row.stamp_us, TRUE), *([(end.stamp_us, FALSE)] if end is not None else ())]
+
+
+def written_out(
+    formula: Formula,
+    chain: Chain,
+    uids: tuple[str, ...],
+    intervals: Sequence[tuple[Row, Course]],
+    stream: Stream,
+    atoms: dict[str, Course],
+) -> Formula:
+    """The formula without quantifiers: an atom for each, and for what is asked with each of its intervals.
+
+    chain  the row at which it is asked, and the intervals of the quantifiers around it, which are `uids`
+    """
+
+    def fitting() -> list[tuple[Row, Course]]:
+        condition = stream.rule.define[formula.name]
+        stream.spend(len(intervals))
+        return [
+            (row, course)
+            for row, course in intervals
+            if truth(condition, Asking(stream, row, [*chain, (formula.name, row)])) is True
+        ]
+
+    if formula.op == "atom":
+        if not uids or not asks_bound(stream.rule.define[formula.name]):
+            return formula
+        key = "@".join((formula.name, *uids))
+        if key not in atoms:
+            found = [course for _, course in fitting()]
+            points = sorted({begin for course in found for begin, _ in course})
+            atoms[key] = [
+                (each, max(at([(-INF, FALSE), *course], each) for course in found)) for each in points
+            ]
+        return Formula("atom", name=key)
+    if formula.op != "exists":
+        parts = tuple(written_out(part, chain, uids, intervals, stream, atoms) for part in formula.parts)
+        return replace(formula, parts=parts)
+    # one that is not known yet may last at any moment that is not known yet
+    atoms[LATER] = []
+    ways = [Formula("atom", name=LATER)]
+    for row, course in fitting():
+        inside = (*uids, row.uid)
+        key = "@".join(("", *inside))
+        atoms[key] = course
+        whole = written_out(formula.parts[0], [*chain, (formula.name, row)], inside, intervals, stream, atoms)
+        ways.append(Formula("and", (Formula("atom", name=key), whole)))
+    return Formula("or", tuple(ways))
 
 
 def first_verdict(
@@ -1840,7 +1915,7 @@ def first_verdict(
 
 
 def is_endless(formula: Formula) -> bool:
-    own = formula.most == INF and formula.op not in ("atom", "constant", "not", "and", "or")
+    own = formula.most == INF and formula.op not in ("atom", "exists", "constant", "not", "and", "or")
     return own or any(map(is_endless, formula.parts))
 
 
@@ -1884,6 +1959,7 @@ def courses(
     atoms: dict[str, Course] = {name: [] for name in names}
     changes: dict[int, set[tuple[str, str]]] = {}
     counts_rows = stream.rule.formula is not None and has_previous(stream.rule.formula)
+    variables = variables_of(stream.rule.formula) if stream.rule.formula is not None else set()
     for row in stream.rows:
         subject = subject_of(row)
         if counts_rows:
@@ -1894,7 +1970,8 @@ def courses(
         holding[subject] = begun(row, names, stream, asked)
         after = {name for held in holding.values() for name in held}
         for name in names:
-            if stream.rule.define[name] is not None and asks_bound(stream.rule.define[name]):
+            condition = stream.rule.define[name]
+            if name in variables or (condition is not None and asks_bound(condition)):
                 changes.setdefault(row.stamp_us, set()).add((name, row.uid))
         for name in before ^ after:
             atoms[name] = [*(each for each in atoms[name] if each[0] < row.stamp_us),
@@ -2441,12 +2518,13 @@ def summary(given: Mapping[str, Any], rule: Rule, streams: Sequence[Stream]) -> 
     def bound(each: Mapping[str, Any]) -> list[str]:
         return [f"  {label or '-'}: {said(rows[each['stream'], uid])}" for label, uid in each["rows"]]
 
+    keys = {stream.number: key_said(stream) for stream in streams}
     lines = [] if given["events"] else [f"The rule {rule.name} makes no event {span}."]
-    for each in given["events"]:
+    for each in sorted(given["events"], key=lambda event: event["stamp_us"]):
         lines += [f"The rule {rule.name} makes {each['event']} at {written(each['stamp_us'])}:", *bound(each)]
         lines += [f"  {name} = {canonical(value)}" for name, value in each["measures"].items()]
     for each in given["attempts"]:
-        lines += ["An attempt came to nothing:", *bound(each)]
+        lines += [f"An attempt came to nothing{keys[each['stream']]}:", *bound(each)]
         if each["awaits"]:
             lines.append(f"  next would have been {' or '.join(each['awaits'])}")
         ended_by = each["ended"].get("row", "") if isinstance(each["ended"], dict) else ""
@@ -2454,8 +2532,21 @@ def summary(given: Mapping[str, Any], rule: Rule, streams: Sequence[Stream]) -> 
         lines.append(f"  {ended_text(each['ended'], row)}")
     if given["other_attempts"]:
         lines.append(f"{given['other_attempts']} others came no further.")
-    of = f"{len(rows)} rows of {len(streams)} keys" if rule.partition_by else f"{len(rows)} rows"
+    of = counted(len(rows), "row")
+    if rule.partition_by:
+        of += f" of {counted(len(streams), 'key')}"
     return [*lines, f"That follows from {of}, known up to {written(given['known_us'])}."]
+
+
+def counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def key_said(stream: Stream) -> str:
+    """Of which key an attempt is, by names where its rows have them."""
+    row = stream.rows[0] if stream.rows else None
+    named = [f"{name} {at_path(row.values, name.split('.'))}" for name in stream.rule.partition_by if row]
+    return f" ({', '.join(named)})" if named else ""
 
 
 def said(row: Row) -> str:

@@ -98,6 +98,14 @@ class Previous:
     to_us: int | None = None
 
 
+@dataclass(frozen=True)
+class Exists:
+    """Some interval of the variable lasts now, with which `inner` is true: atoms in it may ask of that."""
+
+    name: str
+    inner: Formula
+
+
 Future: TypeAlias = Always | Eventually | Until
 Past: TypeAlias = Once | Historically | Since | Previous
-Formula: TypeAlias = Atom | Constant | Not | And | Or | Future | Past
+Formula: TypeAlias = Atom | Constant | Not | And | Or | Exists | Future | Past

@@ -74,6 +74,7 @@ def test_rules_are_proposed_out_of_what_is_stored(scene: DoorScene) -> None:
     refused = semap(dsn, "rule", "mine", "--map", "world", "--input", "nothing")
     assert refused.returncode == 0
     assert "0 rules proposed" in refused.stderr
+    assert "Looked at were these. Name queries" in refused.stderr
 
 
 def test_why_and_why_not(scene: DoorScene) -> None:
@@ -91,7 +92,7 @@ def test_why_and_why_not(scene: DoorScene) -> None:
     assert "it found nothing" in why_not
     assert "no  track = first(O.actor): 'somebody else' = 'eve'" in why_not
     of_all = done(dsn, "rule", "explain", "opened_then_entered", "--at", "1970-01-01T00:05:03Z")
-    assert "An attempt came to nothing:" in of_all
+    assert "An attempt came to nothing (room east):" in of_all
     assert "next would have been E" in of_all
     assert "of 2 keys" in of_all
     wrong = semap(

@@ -71,9 +71,9 @@ def by_enumerator(case: Case) -> Both:
     )
     matches, timeouts = [], []
     for each in found:
-        pairs = tuple(
-            (place + 1, variable) for variable, place in each.rows if not isinstance(variable, Excluded)
-        )
+        bound = [(place + 1, variable) for variable, place in each.rows]
+        # an event has a row to stand at, if none is to be told the last
+        pairs = tuple(pair for pair in bound if not isinstance(pair[1], Excluded)) or tuple(bound[-1:])
         if each.kind == "timeout":
             timeouts.append(Found(pairs, each.stamp_us))
         elif declaration.each_row and each.kind == "match":

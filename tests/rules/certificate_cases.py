@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -169,6 +170,32 @@ def formula_rules(draw: st.DrawFn) -> dict[str, Any]:
     emit = draw(st.sampled_from(({"holds": "yes"}, {"fails": "no"}, {"holds": "yes", "fails": "no"})))
     rule = {"name": "made", "input": ["moves", {"object_state": "door"}], "formula": text, "emit": emit,
             "define": {name: atoms[name] for name in used}}  # fmt: skip
+    return {**rule, "when": when} if when else rule
+
+
+QUANTIFIED = {
+    "L": "input = 'moves' and type = 'began'", "K": "track_id <> L.track_id", "N": "input = 'door' and stamp > L.stamp",
+    "P": "input = 'door' and type = 'open'",
+}  # fmt: skip
+
+
+@st.composite
+def quantified_rules(draw: st.DrawFn) -> dict[str, Any]:
+    inner = draw(st.sampled_from(("K", "not K", "N", "P and not N", "once[0 s, 3 s] K", "eventually[1 s, 2 s] N",
+                                  "historically[0 s, 2 s] (K or P)", "K until[0 s, 3 s] N", "previous[0 s, 3 s] K")))  # fmt: skip
+    word = draw(st.sampled_from(("exists", "forall")))
+    before = draw(
+        st.sampled_from(("", "not ", "once[0 s, 4 s] ", "eventually[0 s, 3 s] ", "always[0 s, 2 s] not "))
+    )
+    text = f"{before}({word} L ({inner}))"
+    when = draw(st.sampled_from((None, "P", "R")))
+    define = {**QUANTIFIED, "R": ATOMS["R"]}
+    if when is not None and draw(st.booleans()):
+        define["L"] = f"input = 'moves' and stamp <= {when}.stamp"
+    used = [name for name in define if re.search(rf"\b{name}\b", text) or name == when]
+    emit = draw(st.sampled_from(({"holds": "yes"}, {"fails": "no"}, {"holds": "yes", "fails": "no"})))
+    rule = {"name": "made", "input": ["moves", {"object_state": "door"}], "formula": text, "emit": emit,
+            "define": {name: define[name] for name in used}}  # fmt: skip
     return {**rule, "when": when} if when else rule
 
 

@@ -112,6 +112,8 @@ def test_any_words_are_a_formula_or_refused_at_their_place(words: list[str]) -> 
         ("P = Q", 3, "'=' means nothing here"),
         ("during", 1, "the word during means something already"),
         ("any", 1, "the word any means something already"),
+        ("exists P", 9, "a variable is missing"),
+        ("exists not P", 8, "a variable is missing"),
         ("not " * 99 + "P", 157, "more than 40 levels"),
     ],
 )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,6 +17,7 @@ from semap.rules.formula import (
     Atom,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Historically,
     Not,
@@ -32,8 +34,16 @@ FIRST, LAST = 40, 100
 """Nothing is true before FIRST; no formula here looks farther than from there to the ends of the grid."""
 
 
-def holds(formula: Formula, at: int, true: dict[str, set[int]], rows: set[int]) -> bool:
-    """By the definitions, moment by moment; `true` has the moments of each atom, `rows` those of rows."""
+class World(Protocol):
+    """The moments of each atom; and of each interval of a variable, with the world where that is bound to it."""
+
+    def __getitem__(self, name: str, /) -> set[int]: ...
+
+    def ways(self, name: str) -> Iterable[tuple[set[int], World]]: ...
+
+
+def holds(formula: Formula, at: int, true: dict[str, set[int]] | World, rows: set[int]) -> bool:
+    """By the definitions, moment by moment; `rows` has the moments of rows."""
     if not 0 <= at <= LAST:
         at = max(min(at, LAST), 0)
     inner = parts_of(formula)
@@ -46,6 +56,9 @@ def holds(formula: Formula, at: int, true: dict[str, set[int]], rows: set[int]) 
             return at in true[name]
         case Constant(value):
             return value
+        case Exists(name):
+            assert not isinstance(true, dict)
+            return any(at in of and holds(inner[0], at, world, rows) for of, world in true.ways(name))
         case Not():
             return not ask(0, at)
         case And():

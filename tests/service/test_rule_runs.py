@@ -132,7 +132,7 @@ def test_a_certificate_over_all_keys_holds_by_itself(visits: World, service: Ser
     (attempt,) = document["attempts"]
     assert attempt["awaits"] == ["L"]
     said = verify(document)
-    assert "An attempt came to nothing:" in said
+    assert "An attempt came to nothing (track bob, room kitchen):" in said
     of_ann = service.client.get(f"/rules/{rule_id}/certificate", params={**span, "key": "track=ann"}).json()
     assert of_ann["attempts"] == []
     assert (

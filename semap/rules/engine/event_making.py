@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from uuid import UUID
 
 from semap.model.event import Event, Evidence
-from semap.rules.declaration import Edges
+from semap.rules.declaration import Edges, TemporalFormula
 from semap.rules.engine.event_identity import EventIdentity, uuid_of
 from semap.rules.engine.partition import BY_ID, Key
 from semap.rules.engine.rule import Rule
@@ -40,6 +40,8 @@ class EventMaker:
         self._identity = EventIdentity(rule.name, rule.version, declaration)
         self._about = declaration.about
         self._edges = isinstance(declaration.body, Edges)
+        # a verdict is about whom it was asked of, whoever decided it
+        self._asked = isinstance(declaration.body, TemporalFormula) and declaration.body.when is not None
         partition_by = declaration.partition_by
         self._by_track = tuple(partition_by) == ("track",)
         self._named = [(place, name, BY_ID.get(name)) for place, name in enumerate(partition_by)]
@@ -58,8 +60,10 @@ class EventMaker:
                 of_track = values
             if values.get("instance_id") is not None:
                 of_instance = values
-        if self._about is not None:
+        if self._about is not None or self._asked:
             of_instance = self._subject(match)
+        if self._asked:
+            of_track = self._of_track(match)
         return Event(
             self._event_id(key, match),
             self._map_id,
@@ -83,7 +87,7 @@ class EventMaker:
         """The row that rules which read this one get, standing where the event was known."""
         rows = [row for _, row in match.rows]
         since_us = self._since_us(match)
-        of_track = _last_with(rows, "track_id")
+        of_track = self._of_track(match)
         of_instance = self._subject(match)
         values: dict[str, Value] = {
             "input": event.rule_name,
@@ -104,8 +108,19 @@ class EventMaker:
 
     def _subject(self, match: Match) -> Mapping[str, Value]:
         """The values of the row whose instance the event is about."""
-        rows = [row for variable, row in match.rows if self._about in (None, variable)]
+        if self._about is None:
+            return self._usual(match, "instance_id")
+        rows = [row for variable, row in match.rows if variable == self._about]
         return _last_with(rows or [row for _, row in match.rows], "instance_id")
+
+    def _of_track(self, match: Match) -> Mapping[str, Value]:
+        """The values of the row whose track the event is about."""
+        return self._usual(match, "track_id")
+
+    def _usual(self, match: Match, name: str) -> Mapping[str, Value]:
+        """The values of the last row that has this property, or of the row that a formula was asked of."""
+        rows = [row for _, row in match.rows]
+        return _last_with([*rows[1:], rows[0]] if self._asked and rows else rows, name)
 
     def _since_us(self, match: Match) -> int:
         """When the first row was; for a row of its own, when the relation or the former state began."""

@@ -15,6 +15,7 @@ from semap.rules.formula import (
     Atom,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Future,
     Historically,
@@ -211,8 +212,12 @@ class Rows:
                 return f"{name} lasts"
             case Constant(value):
                 return "true" if value else "false"
+            case Not(Exists(name, Not(inner))):
+                return f"for each {name} that lasts {self.inner(inner)}"
             case Not(inner):
                 return f"not {self.inner(inner)}"
+            case Exists(name, inner):
+                return f"for some {name} that lasts {self.inner(inner)}"
             case And(parts):
                 return " and ".join(map(self.inner, parts))
             case Or(parts):

@@ -15,6 +15,7 @@ from semap.rules.formula import (
     And,
     Atom,
     Constant,
+    Exists,
     Formula,
     Not,
     Or,
@@ -119,6 +120,10 @@ def _of_formula(formula: Formula, rows: Rows) -> Part:
             return Part("never", name, f"since {_words(name, rows)}")
         case Not(inner):
             return Part("all", text="not so", parts=(_of_formula(inner, rows),))
+        case Exists(name, inner):
+            return Part(
+                "all", text=f"for some {name} since {_words(name, rows)}", parts=(_of_formula(inner, rows),)
+            )
         case And(parts):
             return Part("all", text="at once", parts=tuple(_of_formula(each, rows) for each in parts))
         case Or(parts):

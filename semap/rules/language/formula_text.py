@@ -2,7 +2,7 @@
 
 From loose to tight: implies (to the right), or, and, then until and since, then not and the words that stand
 before one part. Bounds stand in brackets after such a word: [0 s, 6 s], [6 s, inf]; without, it is for ever.
-`p implies q` is read as `not p or q`.
+`p implies q` is read as `not p or q`, `forall l p` as `not exists l not p`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from semap.rules.formula import (
     Atom,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Future,
     Historically,
@@ -63,6 +64,8 @@ def write(formula: Formula) -> str:
             return "true" if value else "false"
         case Not(inner):
             return f"not {_prefixed(inner)}"
+        case Exists(name, inner):
+            return f"exists {name} {_prefixed(inner)}"
         case Until(left, right) | Since(left, right):
             return f"{_prefixed(left)} {_word(formula)}{_bounds_text(formula)} {_prefixed(right)}"
         case Always(inner) | Eventually(inner) | Once(inner) | Historically(inner) | Previous(inner):
@@ -133,6 +136,10 @@ def _unary(tokens: Tokens) -> Formula:
         operator = BEFORE_ONE[tokens.take().text]
         from_us, to_us = _bounds(tokens)
         found = operator(_unary(tokens), from_us, to_us)
+    elif tokens.takes("exists"):
+        found = Exists(_atom(tokens).name, _unary(tokens))
+    elif tokens.takes("forall"):
+        found = Not(Exists(_atom(tokens).name, Not(_unary(tokens))))
     elif tokens.takes("("):
         found = _implies(tokens)
         tokens.need(")")

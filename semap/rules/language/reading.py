@@ -43,6 +43,7 @@ from semap.rules.language.words import read_identifier, read_name, read_variable
 from semap.rules.matching.follow import may_be_empty
 from semap.rules.naming import Subsets
 from semap.rules.needs import OF_ACTOR, properties_read
+from semap.rules.temporal.quantifiers import scopes, variables_of
 
 ALWAYS = ("name", "input", "where", "partition_by", "measures", "emit")
 CLAUSES: Mapping[type[Body], tuple[str, ...]] = {
@@ -169,11 +170,13 @@ def _body(clauses: Mapping[str, object]) -> Body:
         return pattern_text.read(clauses["pattern"], "pattern")
     if "formula" not in clauses:
         return Edges()
-    when = clauses.get("when")
-    return TemporalFormula(
-        formula_text.read(clauses["formula"], "formula"),
-        None if when is None else read_variable(when, "when"),
-    )
+    formula, when = formula_text.read(clauses["formula"], "formula"), clauses.get("when")
+    scopes(formula)
+    if when in variables_of(formula):
+        raise InvalidInput(
+            f"{when} is quantified in the formula", "Ask it at rows of another variable.", "when"
+        )
+    return TemporalFormula(formula, None if when is None else read_variable(when, "when"))
 
 
 def _emit(value: object, body: Body) -> Mapping[str, str]:
@@ -229,10 +232,11 @@ def _define(value: object, body: Body, names: Names, subsets: Subsets) -> Mappin
 
 
 def _asked_of(body: Body, name: str) -> frozenset[str]:
-    """The variable of which an atom may ask: of the row at which its formula is asked."""
-    if isinstance(body, TemporalFormula) and body.when not in (None, name):
-        return frozenset({str(body.when)})
-    return frozenset()
+    """Of what an atom may ask: of the row at which its formula is asked, and of quantifiers around it."""
+    if not isinstance(body, TemporalFormula) or body.when == name:
+        return frozenset()
+    asked = frozenset({body.when} if body.when is not None else ())
+    return asked | scopes(body.formula).get(name, frozenset())
 
 
 def _measures(

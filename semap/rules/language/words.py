@@ -18,7 +18,7 @@ IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}\Z")
 OF_PATTERNS = frozenset({"next", "followed", "by", "any", "not", "permute", "relaxed", "until"})
 OF_FORMULAS = frozenset(
     {"not", "and", "or", "implies", "always", "eventually", "until", "true", "false", "inf"}
-    | {"once", "historically", "since", "previous"}
+    | {"once", "historically", "since", "previous", "exists", "forall"}
 )
 OF_WINDOWS = frozenset({"match", "step"})
 RESERVED = OF_PATTERNS | OF_FORMULAS | OF_WINDOWS | frozenset(PROPERTIES)

@@ -189,7 +189,8 @@ class AllMatchesProgram:
             state.firsts.append(row)
             ways = (0,) * len(state.sums)
             for variable, place, ends in begins:
-                link = Link(str(variable), row, None, number)
+                assert variable is not None  # noqa: S101
+                link = Link(variable, row, None, number)
                 made.append(link)
                 turn = (Part(None, place, ends),)
                 _take_on(Standing(self._begin, link, 1, ways), turn, row, new, ended, made)

@@ -11,6 +11,7 @@ from semap.rules.formula import (
     Atom,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Historically,
     Not,
@@ -40,6 +41,8 @@ def dump_formula(formula: Formula) -> list[object]:
             return ["constant", value]
         case Not(inner):
             return ["not", dump_formula(inner)]
+        case Exists(name, inner):
+            return ["exists", name, dump_formula(inner)]
         case And(parts):
             return ["and", *map(dump_formula, parts)]
         case Or(parts):
@@ -59,6 +62,8 @@ def load_formula(document: object) -> Formula:
             return Constant(cast(bool, parts[0]))
         case "not":
             return Not(load_formula(parts[0]))
+        case "exists":
+            return Exists(cast(str, parts[0]), load_formula(parts[1]))
         case "and":
             return And(tuple(map(load_formula, parts)))
         case "or":

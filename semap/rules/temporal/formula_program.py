@@ -12,7 +12,8 @@ the next at the row that comes after its verdict. What is asked is the formula a
 
 An atom may ask of the row at which the formula is asked: `track_id <> S.track_id`. It is then true for an
 evaluation while an interval lasts whose first row satisfies that; so one formula says somebody else, or
-nobody else, of each row anew. What lasts is kept with the rows that began it, instead of as signals.
+nobody else, of each row anew. What lasts is kept with the rows that began it, instead of as signals. So it is
+for what stands in `exists L`, of whose intervals it may ask (`quantifiers`).
 
 Where the formula looks back, what it asks of was false before the first row of the key.
 
@@ -45,9 +46,21 @@ from semap.rules.temporal.formula_state import (
     dump_state,
     load_state,
 )
-from semap.rules.temporal.metric import ROWS, Signals, atom_names, back_us, has_previous, known_until
+from semap.rules.temporal.metric import (
+    ROWS,
+    Signals,
+    Truth,
+    atom_names,
+    back_us,
+    has_previous,
+    known_until,
+    name_of,
+    quantified,
+    truth_of,
+)
 from semap.rules.temporal.progression import interest_us, progressed
-from semap.rules.temporal.spans import clipped, union
+from semap.rules.temporal.quantifiers import variables_of, written_out
+from semap.rules.temporal.spans import Spans, clipped, union
 from semap.rules.temporal.tautology import without_tautologies
 
 MOST_EVALUATIONS = MOST_UNDER_WAY
@@ -91,9 +104,14 @@ class FormulaProgram:
 
     @cached_property
     def _relative(self) -> Mapping[str, Condition]:
-        """The atoms that ask of the row at which the formula is asked."""
+        """The atoms that ask of the row at which the formula is asked, and the variables of quantifiers."""
         found = {name: self.conditions.get(name) for name in atom_names(self.formula)}
-        return {name: each for name, each in found.items() if each is not None and each.test is None}
+        variables = variables_of(self.formula)
+        return {
+            name: each
+            for name, each in found.items()
+            if each is not None and (each.test is None or name in variables)
+        }
 
     @cached_property
     def _atoms(self) -> Mapping[str, Condition | None]:
@@ -204,9 +222,11 @@ class FormulaProgram:
             at_us, rest = each.row.stamp_us, each.rest
             # Without a change the forecasts still stand.
             if state.change is not None or at_us == state.moment_us:
-                own = {**signals, **self._of_row(each.row, state.lasting)} if self._relative else signals
-                rest = progressed(rest, at_us, known_until(own, known_us))
-                evaluations.append(Evaluation(each.row, rest, forecast(rest, at_us, own, known_us)))
+                own: dict[str, Spans] = {**signals}
+                atoms = self._atoms_of(each, state.lasting, own, known_us)
+                rest = progressed(rest, at_us, atoms)
+                plain = self._written_out(rest, each.row, state.lasting, own)
+                evaluations.append(Evaluation(each.row, rest, forecast(plain, at_us, own, known_us)))
             else:
                 evaluations.append(each)
         settled = replace(state, settled=True, change=None, evaluations=tuple(evaluations))
@@ -226,13 +246,23 @@ class FormulaProgram:
         lasting = tuple(each for each in state.lasting if each[1][1] > since_us)
         return replace(state, signals={name: spans for name, spans in kept.items() if spans}, lasting=lasting)
 
-    def _of_row(self, asked: Row, lasting: Sequence[Lasting]) -> Signals:
-        """The signals of the atoms that ask of the row at which the formula is asked."""
-        first = Bound(self.when or "", asked)
-        return {
-            name: union(span for row, span in lasting if condition.test_bound(row, Bound(name, row, first)))
-            for name, condition in self._relative.items()
-        }
+    def _written_out(
+        self, rest: Formula, asked: Row, lasting: Sequence[Lasting], signals: dict[str, Spans]
+    ) -> Formula:
+        """A formula by what its atoms are of a row at which it is asked; adds their signals."""
+        if not self._relative:
+            return rest
+        return written_out(rest, Bound(self.when or "", asked), lasting, self._relative, signals)
+
+    def _atoms_of(
+        self, evaluation: Evaluation, lasting: Sequence[Lasting], signals: dict[str, Spans], known_us: int
+    ) -> Mapping[str, Truth]:
+        """The truth of all atoms, and of what is quantified, as far as it is known; adds their signals."""
+        parts = quantified(evaluation.rest)
+        plain = {name_of(each): self._written_out(each, evaluation.row, lasting, signals) for each in parts}
+        self._written_out(evaluation.rest, evaluation.row, lasting, signals)
+        atoms = known_until(signals, known_us)
+        return {**atoms, **{name: truth_of(each, atoms) for name, each in plain.items()}}
 
     def _still_asked(self, state: FormulaState, watermark_us: int) -> FormulaState | None:
         """None where nothing is under way, and too much time has passed to look back."""

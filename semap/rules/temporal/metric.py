@@ -28,6 +28,7 @@ from semap.rules.formula import (
     Atom,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Future,
     Historically,
@@ -86,8 +87,8 @@ def known_until(signals: Signals, known_us: float) -> dict[str, Truth]:
 def truth_of(formula: Formula, atoms: Mapping[str, Truth]) -> Truth:
     """Where the formula is true."""
     match formula:
-        case Atom(name):
-            return atoms[name]
+        case Atom() | Exists():
+            return atoms[name_of(formula)]
         case Constant(value):
             return Truth(EVERYWHERE, EVERYWHERE) if value else Truth(NOWHERE, NOWHERE)
         case Not(inner):
@@ -149,7 +150,7 @@ def parts_of(formula: Formula) -> tuple[Formula, ...]:
     match formula:
         case Not(inner) | Eventually(inner) | Always(inner):
             return (inner,)
-        case Once(inner) | Historically(inner) | Previous(inner):
+        case Once(inner) | Historically(inner) | Previous(inner) | Exists(_, inner):
             return (inner,)
         case And(parts) | Or(parts):
             return parts
@@ -158,16 +159,30 @@ def parts_of(formula: Formula) -> tuple[Formula, ...]:
     return ()
 
 
+def name_of(formula: Atom | Exists) -> str:
+    """By which it stands among atoms, where what is quantified has a truth of its own."""
+    return formula.name if isinstance(formula, Atom) else repr(formula)
+
+
+def quantified(formula: Formula) -> tuple[Exists, ...]:
+    """The quantified formulas in it that stand within no other."""
+    if isinstance(formula, Exists):
+        return (formula,)
+    return tuple(each for part in parts_of(formula) for each in quantified(part))
+
+
 def has_previous(formula: Formula) -> bool:
     """Whether it asks at which moments rows came."""
     return isinstance(formula, Previous) or any(map(has_previous, parts_of(formula)))
 
 
 def atom_names(formula: Formula) -> tuple[str, ...]:
-    """The atoms in the order in which they are written."""
+    """The atoms, and the variables of quantifiers, in the order in which they are written."""
     if isinstance(formula, Atom):
         return (formula.name,)
-    return tuple(dict.fromkeys(name for part in parts_of(formula) for name in atom_names(part)))
+    own = (formula.name,) if isinstance(formula, Exists) else ()
+    inside = (name for part in parts_of(formula) for name in atom_names(part))
+    return tuple(dict.fromkeys((*own, *inside)))
 
 
 def horizon_us(formula: Formula) -> float:

@@ -21,6 +21,7 @@ from semap.rules.formula import (
     And,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Historically,
     Not,
@@ -78,6 +79,8 @@ def interest_us(formula: Formula, at_us: float, rows: Spans = ()) -> float:
             return inf
         case Not(inner):
             return interest_us(inner, at_us, rows)
+        case Exists(_, inner):
+            return min(at_us, interest_us(inner, at_us, rows))
         case And(parts) | Or(parts):
             return min((interest_us(part, at_us, rows) for part in parts), default=inf)
         case Eventually(inner, least, _) | Always(inner, least, _):

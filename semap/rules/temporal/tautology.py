@@ -10,6 +10,7 @@ from semap.rules.formula import (
     And,
     Constant,
     Eventually,
+    Exists,
     Formula,
     Future,
     Historically,
@@ -48,10 +49,17 @@ def without_tautologies(formula: Formula) -> Formula:
             return Or(tuple(without_tautologies(part) for part in parts))
         case Until(left, right) | Since(left, right):
             return replace(formula, left=without_tautologies(left), right=without_tautologies(right))
-        case Always(inner) | Eventually(inner) | Once(inner) | Historically(inner) | Previous(inner):
+        case (
+            Always(inner)
+            | Eventually(inner)
+            | Once(inner)
+            | Historically(inner)
+            | Previous(inner)
+            | Exists(_, inner)
+        ):
             return replace(formula, inner=without_tautologies(inner))
     return formula
 
 
 def _is_propositional(formula: Formula) -> bool:
-    return not isinstance(formula, Future | Past) and all(map(_is_propositional, parts_of(formula)))
+    return not isinstance(formula, Future | Past | Exists) and all(map(_is_propositional, parts_of(formula)))

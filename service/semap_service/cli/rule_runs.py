@@ -308,6 +308,13 @@ def mine(
         say(f"---\n# {said}\n# {describe(declaration)}")
         say(write_rule(declaration.name, declaration.document).rstrip())
     say(f"{counted(len(found), 'rule')} proposed; none was added.", err=True)
+    if not found:
+        looked = "these" if inputs else "the events of rules alone"
+        say(
+            f"  What to do: Looked at were {looked}. Name queries and properties of objects that have rows"
+            " then, such as --input track_in_room --input door, or ask for less: --support, --confidence.",
+            err=True,
+        )
 
 
 def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
