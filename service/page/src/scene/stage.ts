@@ -237,7 +237,7 @@ export class Stage implements Surface {
       this.drawWay(this.state.way.value, storey.value);
     });
     effect(() => {
-      void this.hover.value;
+      void [this.hover.value, this.state.heat.value, this.state.warmth.value];
       this.draw();
     });
   }
@@ -304,7 +304,9 @@ export class Stage implements Surface {
     const isStill = this.stillness.matches;
     if (isStill) this.world.settle();
     else if (this.world.move(now_ms)) goesOn = true;
-    this.floors?.tint(this.world.isKnown ? this.world.occupancy : null);
+    const { isKnown, occupancy } = this.world;
+    const isNow = this.state.heat.peek() === "now";
+    this.floors?.tint(isNow ? (isKnown ? occupancy : null) : this.state.warmth.peek());
     this.doors?.show(this.world.isKnown);
     this.floors?.mix(this.view.mix);
     if (this.doors && this.doorsVersion !== this.world.doorsVersion) {
