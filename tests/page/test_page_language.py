@@ -95,6 +95,7 @@ def test_what_happened_and_when_is_told_in_it(reader: Page, language: str) -> No
         {"de": "ann betrat Lab", "ar": "\u2068ann\u2069 دخل \u2068Lab\u2069"}[language]
     )
     event.click()
+    expect(reader.locator("#panel-details h2")).to_have_css("direction", DIRECTIONS[language])
     moment = {"de": "05.01.2026 08:59:58,5 UTC", "ar": "08:59:58.5 UTC"}[language]
     expect(reader.locator("#panel-details")).to_contain_text(moment)
 

@@ -18,9 +18,7 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
   return (
     <>
       <header>
-        <h2 class="title" dir="auto">
-          {sentenceOf(event, app.state.map.value)}
-        </h2>
+        <h2 class="title">{sentenceOf(event, app.state.map.value)}</h2>
         <p class="soft">
           {say(
             "{0}, as the rule {1} found it (version {2})",

@@ -32,7 +32,7 @@ export function Happened({ app, wanted }: { app: App; wanted: string }) {
       <Roving class="list" isOrdered>
         {events.map((each) => (
           <li key={each.event_id}>
-            <button class="link" dir="auto" onClick={() => openEvent(app, each)}>
+            <button class="link" onClick={() => openEvent(app, each)}>
               {sentenceOf(each, app.state.map.value)}
             </button>
             <span class="soft number">{momentText(Date.parse(each.stamp))}</span>

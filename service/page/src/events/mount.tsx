@@ -105,9 +105,7 @@ function EventButton({
       </span>
       <span class="what">
         {event.track && <i class="dot" style={{ background: trackColourName(event.track.id) }} />}
-        <span class={event.cause === null ? "complex" : ""} dir="auto">
-          {sentenceOf(event, app.state.map.value)}
-        </span>
+        <span class={event.cause === null ? "complex" : ""}>{sentenceOf(event, app.state.map.value)}</span>
       </span>
       {event.verdict === "retracted" && <span class="chip">{t("retracted")}</span>}
     </button>
