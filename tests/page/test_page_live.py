@@ -104,7 +104,7 @@ def test_who_has_left_is_found(plan: Plan, office: Office) -> None:
 
     page.locator("#tab-events").click()
     page.locator("#event-list").get_by_role("button").click()
-    page.locator("#panel-details").get_by_role("button", name="Ann Arbor").click()
+    page.locator("#panel-details").get_by_role("button", name="Ann Arbor", exact=True).click()
     expect(stays).to_have_count(2)
     expect(stays.nth(0)).to_contain_text("Kitchen30 s")
     expect(stays.nth(1)).to_contain_text("Lab10 s")
@@ -113,7 +113,7 @@ def test_who_has_left_is_found(plan: Plan, office: Office) -> None:
     page.locator("#go-live").click()
     page.keyboard.press("Escape")
     page.get_by_label("Find on the map").fill("arb")
-    page.locator("#panel-details").get_by_role("button", name="Ann Arbor").click()
+    page.locator("#panel-details").get_by_role("button", name="Ann Arbor", exact=True).click()
     expect(page.locator("#panel-details")).to_contain_text("Has left the map.")
     stays.nth(0).get_by_role("button").first.click()
     expect(page.locator("#status")).to_have_attribute("data-state", "past")

@@ -1,6 +1,7 @@
 /** Requests to the service on the page's own host: with the token, and errors as what they say. */
 
 import type { Problem } from "./documents";
+import { t } from "./language/catalogue";
 
 /** A request that was refused, or never answered (status 0). */
 export class ApiError extends Error {
@@ -157,7 +158,7 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
     type: "about:blank",
     title: response.statusText,
     status: response.status,
-    detail: `The service answered ${response.status} ${response.statusText}.`,
+    detail: t("The service answered {0} {1}.", response.status, response.statusText),
     instance: path,
     remedy: "",
     errors: [],
@@ -172,11 +173,11 @@ async function problemOf(response: Response, path: string): Promise<Problem> {
 function unanswered(path: string): Problem {
   return {
     type: "about:blank",
-    title: "No answer",
+    title: t("No answer"),
     status: 0,
-    detail: "The service does not answer.",
+    detail: t("The service does not answer."),
     instance: path,
-    remedy: "See that semap is running; the page goes on when it answers again.",
+    remedy: t("See that semap is running; the page goes on when it answers again."),
     errors: [],
   };
 }

@@ -15,6 +15,7 @@ import { startKeys } from "./chrome/keys";
 import { startNotifying } from "./chrome/notifying";
 import { announce, Notices } from "./chrome/notices";
 import { NoGraphics, StageChrome } from "./chrome/stage_chrome";
+import { sayShell } from "./chrome/shell";
 import { startPulling, startSide } from "./chrome/side";
 import { startTellingEvents } from "./chrome/telling";
 import { Tabs } from "./chrome/tabs";
@@ -22,6 +23,7 @@ import { startTheme, theme } from "./chrome/theme";
 import { mount as mountEvents } from "./events/mount";
 import { mount as mountDetails } from "./details/mount";
 import { mount as mountEdit } from "./edit/mount";
+import { startHeat } from "./heat/reader";
 import { mount as mountImport } from "./importing/mount";
 import { mount as mountQueries } from "./queries/mount";
 import { mount as mountRules } from "./rules/mount";
@@ -32,6 +34,7 @@ import { Timeline } from "./timeline/timeline";
 import { askAgain } from "./unanswered";
 
 function start(): void {
+  sayShell();
   startTheme();
   const api = new Api();
   const state = new State();
@@ -92,6 +95,7 @@ function start(): void {
   startKeys(app, showing, stage);
   startTellingEvents(state);
   startNotifying(app);
+  startHeat(app);
   showing.showOn(stage);
   address.start();
   void showing.reloadMaps(wantedMap());

@@ -16,6 +16,7 @@ import { History } from "./timeline/history";
 import { HistoryReader } from "./timeline/history_reader";
 import { following } from "./timeline/scale";
 import { askAgain, contact, problemOf, UNANSWERED } from "./unanswered";
+import { t } from "./language/catalogue";
 
 const MOST_EVENTS = 500;
 const FIRST_SPAN_MS = 600_000;
@@ -135,11 +136,12 @@ export class Showing {
     this.missing = name;
     this.state.problem.value = {
       type: "about:blank",
-      title: "No such map",
+      title: t("No such map"),
       status: 404,
-      detail: `There is no map ${name} here.`,
-      remedy:
+      detail: t("There is no map {0} here.", name),
+      remedy: t(
         "It may have been deleted or renamed: choose one of the maps above, or see that the link is right.",
+      ),
       instance: "",
       errors: [],
     };

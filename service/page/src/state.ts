@@ -3,6 +3,7 @@
 import { computed, signal, type ReadonlySignal } from "@preact/signals";
 
 import { EVERYTHING, type EventFilter } from "./events/filter";
+import { warmthOf } from "./heat/warmth";
 import type { CallerDocument, EventDocument, MapDocument, Problem } from "./documents";
 import type { MapModel, Point } from "./map/model";
 
@@ -24,6 +25,9 @@ export interface Span {
   from: number;
   to: number;
 }
+
+/** What the colours of rooms tell: who is there now, or the hours that people spent there over a day or a week. */
+export type Heat = "now" | "day" | "week";
 
 /** The way that somebody went, as it is drawn on the map; `storey` null: on whichever is shown. */
 export interface Way {
@@ -48,6 +52,12 @@ export class State {
   readonly view = signal<View>("plan");
   /** The name of the storey that is shown; null: all. */
   readonly storey = signal<string | null>(null);
+  readonly heat = signal<Heat>("now");
+  /** By the instance's id; null: not read yet. */
+  readonly hours = signal<ReadonlyMap<number, number> | null>(null);
+  readonly warmth: ReadonlySignal<ReadonlyMap<number, number> | null> = computed(
+    () => this.hours.value && warmthOf(this.hours.value),
+  );
   readonly selection = signal<Selection | null>(null);
   readonly way = signal<Way | null>(null);
   /** What the list of all that is on the map is narrowed to. */

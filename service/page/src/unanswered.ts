@@ -4,6 +4,7 @@ import { signal } from "@preact/signals";
 
 import type { Problem } from "./documents";
 import { ApiError } from "./api";
+import { t } from "./language/catalogue";
 
 /** No answer, or one of something between: the service may be back in a moment. */
 export const UNANSWERED: ReadonlySet<number> = new Set([0, 502, 503, 504]);
@@ -17,11 +18,11 @@ export function askAgain(): void {
 
 const UNREACHED: Problem = {
   type: "about:blank",
-  title: "Failed",
+  title: t("Failed"),
   status: -1,
-  detail: "Something on the page went wrong.",
+  detail: t("Something on the page went wrong."),
   instance: "",
-  remedy: "Load the page again.",
+  remedy: t("Load the page again."),
   errors: [],
 };
 

@@ -1,23 +1,32 @@
 /** Words for people, made of the names that rules and files give to events and properties. */
 
 import type { EventDocument } from "./documents";
+import { numbered, t, within } from "./language/catalogue";
 import type { MapModel } from "./map/model";
 import { durationText } from "./timeline/clock";
 
 type Told = Pick<EventDocument, "type" | "track" | "instance" | "measures"> & { key?: EventDocument["key"] };
 
 /** What somebody does with a room, and with a door. */
-const OF_ROOMS: ReadonlySet<string> = new Set(["entered", "left", "visited", "passed"]);
-const OF_DOORS: ReadonlySet<string> = new Set(["opened", "closed", "locked", "unlocked"]);
-const IN_ROOMS: ReadonlySet<string> = new Set([
-  "stayed",
-  "dwelt",
-  "waited",
-  "fell",
-  "slept",
-  "appeared",
-  "met",
-]);
+const OF_ROOMS: Readonly<Record<string, string>> = {
+  entered: t("entered {0}"),
+  left: t("left {0}"),
+  visited: t("visited {0}"),
+  passed: t("passed {0}"),
+  stayed: t("stayed in {0}"),
+  dwelt: t("dwelt in {0}"),
+  waited: t("waited in {0}"),
+  fell: t("fell in {0}"),
+  slept: t("slept in {0}"),
+  appeared: t("appeared in {0}"),
+  met: t("met in {0}"),
+};
+const OF_DOORS: Readonly<Record<string, string>> = {
+  opened: t("opened the door"),
+  closed: t("closed the door"),
+  locked: t("locked the door"),
+  unlocked: t("unlocked the door"),
+};
 
 /** Endings of names that say a unit. */
 const UNITS: readonly (readonly [RegExp, string])[] = [
@@ -51,7 +60,7 @@ export function propertyOf(name: string, value: unknown): readonly [title: strin
     if (PARTS_OF_ONE.has(name) && value >= 0 && value <= 1)
       return [titleOf(name), `${Math.round(100 * value)} %`];
     const unit = UNITS.find(([ending]) => ending.test(name));
-    const rounded = String(Number.isInteger(value) ? value : Math.round(value * 1000) / 1000);
+    const rounded = Number.isInteger(value) ? String(value) : numbered(value);
     if (unit)
       return [titleOf(name.replace(unit[0], "")), unit[1] === "°" ? `${rounded}°` : `${rounded} ${unit[1]}`];
     return [titleOf(name), rounded];
@@ -61,7 +70,7 @@ export function propertyOf(name: string, value: unknown): readonly [title: strin
 
 function textOf(value: unknown): string {
   if (typeof value === "string") return value;
-  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (typeof value === "boolean") return value ? t("yes") : t("no");
   if (Array.isArray(value)) return value.map(textOf).join(", ");
   if (typeof value === "object" && value !== null)
     return Object.entries(value)
@@ -77,17 +86,18 @@ export function sentenceOf(event: Told, map: MapModel | null): string {
   const told = verbs.map((verb) => partOf(verb, event, map));
   if (who === "" || told.some((each) => each === null)) return plainly(event, who, map);
   const gap_s = event.measures["gap_s"];
-  const later = verbs.length > 1 && typeof gap_s === "number" ? `, ${durationText(1000 * gap_s)} later` : "";
-  return `${who} ${told.join(" and ")}${later}`;
+  const done = `${within(who)} ${told.join(t(" and "))}`;
+  if (verbs.length < 2 || typeof gap_s !== "number") return done;
+  return t("{0}, {1} later", done, durationText(1000 * gap_s));
 }
 
 /** One thing that somebody did, with what he did it to; null: that is not known of such a word. */
 function partOf(verb: string, event: Told, map: MapModel | null): string | null {
-  if (OF_DOORS.has(verb)) return `${verb} the door`;
+  const ofDoor = OF_DOORS[verb];
+  if (ofDoor !== undefined) return ofDoor;
   const room = roomOf(event, map);
-  if (room === null) return null;
-  if (OF_ROOMS.has(verb)) return `${verb} ${room}`;
-  return IN_ROOMS.has(verb) ? `${verb} in ${room}` : null;
+  const ofRoom = OF_ROOMS[verb];
+  return room === null || ofRoom === undefined ? null : ofRoom.replace("{0}", () => within(room));
 }
 
 /** What it is about is the door where one was closed: then the room is what the rule goes by. */
@@ -110,4 +120,17 @@ function plainly(event: Told, who: string, map: MapModel | null): string {
 export function nameIn(map: MapModel | null, id: number, otherwise: string | null): string {
   const thing = map?.byId.get(id);
   return thing ? (thing.alias ?? thing.name) : (otherwise ?? "");
+}
+
+const DOOR_STATES: Readonly<Record<string, string>> = {
+  open: t("open"),
+  opening: t("opening"),
+  closing: t("closing"),
+  closed: t("closed"),
+  unknown: t("not known"),
+};
+
+/** How a door stands, in a word. */
+export function doorState(state: string): string {
+  return DOOR_STATES[state] ?? state;
 }

@@ -12,6 +12,7 @@ import type { Picture, Placing } from "./placing";
 import { PointList } from "./point_list";
 import { Settings } from "./settings";
 import { Verdict } from "./verdict";
+import { t } from "../language/catalogue";
 
 export function CameraDialog({ placing, close }: { placing: Placing; close: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
@@ -22,7 +23,7 @@ export function CameraDialog({ placing, close }: { placing: Placing; close: () =
     <dialog
       ref={dialog}
       class="camera"
-      aria-label="Place a camera"
+      aria-label={t("Place a camera")}
       onClose={close}
       onDragEnter={keep}
       onDragOver={keep}
@@ -34,13 +35,13 @@ export function CameraDialog({ placing, close }: { placing: Placing; close: () =
       }}
     >
       <h2 tabIndex={-1} autofocus>
-        Place a camera
+        {t("Place a camera")}
       </h2>
       <div class="stack">
         <p class="soft">
-          Mark four or more points of the floor in the picture and the same ones on the plan, such as corners
-          of rooms and feet of door frames, as far from one another as the picture shows. The picture stays in
-          this browser.
+          {t(
+            "Mark four or more points of the floor in the picture and the same ones on the plan, such as corners of rooms and feet of door frames, as far from one another as the picture shows. The picture stays in this browser.",
+          )}
         </p>
         <Settings placing={placing} />
         <div class="panes">
@@ -55,7 +56,7 @@ export function CameraDialog({ placing, close }: { placing: Placing; close: () =
       </div>
       <footer>
         <button type="button" onClick={() => dialog.current?.close()}>
-          Close
+          {t("Close")}
         </button>
       </footer>
     </dialog>
@@ -73,7 +74,7 @@ function PicturePane({ placing, picture }: { placing: Placing; picture: Picture 
   const pixelOf = ([x, y]: Fraction): Point => [x * width, y * height];
   return (
     <Pane
-      title="Picture"
+      title={t("Picture")}
       where="in the picture"
       ratio={width / height}
       marks={placing.marks.value.map(({ pixel }) => pixel && [pixel[0] / width, pixel[1] / height])}
@@ -108,7 +109,7 @@ function PlanPane({ placing }: { placing: Placing }) {
   const lines = placing.things().flatMap((thing) => thing.outlines);
   return (
     <Pane
-      title="Plan"
+      title={t("Plan")}
       where="on the plan"
       ratio={width_m / height_m}
       marks={placing.marks.value.map(
@@ -123,7 +124,7 @@ function PlanPane({ placing }: { placing: Placing }) {
       remove={(i) => placing.remove(i)}
     >
       {lens && typeof lens !== "string" && (
-        <canvas ref={canvas} aria-label="The picture's floor on the plan" role="img" />
+        <canvas ref={canvas} aria-label={t("The picture's floor on the plan")} role="img" />
       )}
       <svg viewBox={`${xMin_m} ${-yMax_m} ${width_m} ${height_m}`} aria-hidden="true">
         {lines.map((outline, i) => (
@@ -155,19 +156,19 @@ function Rig({ name, text }: { name: string; text: string }) {
   const [said, setSaid] = useState({ of: "", text: "" });
   const copy = async (): Promise<void> => {
     const isCopied = await hasCopied(text);
-    setSaid({ of: text, text: isCopied ? "Copied." : "This browser copies nothing: download it." });
+    setSaid({ of: text, text: isCopied ? t("Copied.") : t("This browser copies nothing: download it.") });
   };
   return (
-    <section class="stack" aria-label="Part of a rig">
+    <section class="stack" aria-label={t("Part of a rig")}>
       <pre class="why" tabIndex={0}>
         {text}
       </pre>
       <div class="row">
         <button type="button" onClick={() => void copy()}>
-          Copy
+          {t("Copy")}
         </button>
         <button type="button" class="primary" onClick={() => save(name, "yaml", text, "application/yaml")}>
-          Download
+          {t("Download")}
         </button>
         <span role="status">{said.of === text && said.text}</span>
       </div>

@@ -3,6 +3,7 @@ import { signal } from "@preact/signals";
 import type { App } from "../app";
 import { CameraDialog } from "./dialog";
 import { Placing } from "./placing";
+import { t } from "../language/catalogue";
 
 const isOpen = signal(false);
 /** What was begun stays until the page is closed, for each map. */
@@ -23,15 +24,16 @@ export function FixedCamera({ app }: { app: App }) {
   const placing = begun.get(model.name);
   return (
     <details>
-      <summary>Fixed cameras</summary>
+      <summary>{t("Fixed cameras")}</summary>
       <div class="stack">
         <p class="soft">
-          What somebody finds in the images of a camera on a wall has a place on the map as soon as it is
-          known how it hangs.
+          {t(
+            "What somebody finds in the images of a camera on a wall has a place on the map as soon as it is known how it hangs.",
+          )}
         </p>
         <p>
           <button type="button" onClick={open}>
-            Place a camera…
+            {t("Place a camera…")}
           </button>
         </p>
       </div>

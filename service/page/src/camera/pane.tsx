@@ -5,6 +5,7 @@ import { useRef, useState } from "preact/hooks";
 
 import { clamp } from "../edit/plane";
 import type { Point } from "../map/model";
+import { t } from "../language/catalogue";
 
 /** Right and down, each from 0 to 1. */
 export type Fraction = Point;
@@ -63,7 +64,7 @@ export function Pane({ title, where, ratio, marks, put, move, step, remove, chil
             key={by}
             type="button"
             class="icon"
-            aria-label={`${title}: ${by < 0 ? "smaller" : "larger"}`}
+            aria-label={`${title}: ${by < 0 ? t("smaller") : t("larger")}`}
             disabled={ZOOMS[zoom + by] === undefined}
             onClick={() => setZoom(zoom + by)}
           >
@@ -87,7 +88,7 @@ export function Pane({ title, where, ratio, marks, put, move, step, remove, chil
                   type="button"
                   class="mark"
                   style={{ left: `${100 * mark[0]}%`, top: `${100 * mark[1]}%` }}
-                  aria-label={`Point ${i + 1} ${where}`}
+                  aria-label={t("Point {0} {1}", i + 1, where)}
                   onClick={(event) => event.stopPropagation()}
                   onKeyDown={(event) => press(event, i)}
                   onPointerDown={(event) => event.currentTarget.setPointerCapture(event.pointerId)}

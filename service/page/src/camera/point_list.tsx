@@ -1,5 +1,6 @@
 import { Metres } from "../edit/corners";
 import type { Mark, Placing, Side } from "./placing";
+import { fixed, t } from "../language/catalogue";
 
 /** The points as numbers: for exactness, and for those who do not use the pointer. */
 export function PointList({ placing }: { placing: Placing }) {
@@ -12,7 +13,7 @@ export function PointList({ placing }: { placing: Placing }) {
   };
   return (
     <>
-      <ol class="points" aria-label="Points">
+      <ol class="points" aria-label={t("Points")}>
         {marks.map((mark, i) => (
           <PointRow key={i} placing={placing} mark={mark} index={i} />
         ))}
@@ -20,7 +21,7 @@ export function PointList({ placing }: { placing: Placing }) {
       {picture && (
         <p>
           <button type="button" onClick={add}>
-            Add a point in the middle
+            {t("Add a point in the middle")}
           </button>
         </p>
       )}
@@ -29,8 +30,8 @@ export function PointList({ placing }: { placing: Placing }) {
 }
 
 const SIDES: readonly [Side, string, string][] = [
-  ["pixel", "in the picture", "px"],
-  ["place", "on the plan", "m"],
+  ["pixel", t("in the picture"), "px"],
+  ["place", t("on the plan"), "m"],
 ];
 
 function PointRow({ placing, mark, index }: { placing: Placing; mark: Mark; index: number }) {
@@ -40,13 +41,18 @@ function PointRow({ placing, mark, index }: { placing: Placing; mark: Mark; inde
       <strong>{index + 1}</strong>
       {SIDES.map(([side, title, unit]) => {
         const at = mark[side];
-        if (at === null) return <span key={side} class={`pair ${side}-pair soft`}>{`not ${title} yet`}</span>;
+        if (at === null)
+          return (
+            <span key={side} class={`pair ${side}-pair soft`}>
+              {t("not {0} yet", title)}
+            </span>
+          );
         return (
           <span key={side} class={`pair ${side}-pair`}>
             {([0, 1] as const).map((axis) => (
               <Metres
                 key={axis}
-                label={`${"xy"[axis]} of point ${index + 1} ${title}`}
+                label={t("{0} of point {1} {2}", "xy"[axis], index + 1, title)}
                 value={at[axis]}
                 set={(value) => placing.move(index, side, axis === 0 ? [value, at[1]] : [at[0], value])}
               />
@@ -56,12 +62,13 @@ function PointRow({ placing, mark, index }: { placing: Placing; mark: Mark; inde
         );
       })}
       <span class={off_px !== null && placing.isFar(off_px) ? "off far" : "off"}>
-        {off_px !== null && (Number.isFinite(off_px) ? `${off_px.toFixed(1)} px off` : "behind the camera")}
+        {off_px !== null &&
+          (Number.isFinite(off_px) ? t("{0} px off", fixed(off_px, 1)) : t("behind the camera"))}
       </span>
       <button
         type="button"
         class="plain icon"
-        aria-label={`Remove point ${index + 1}`}
+        aria-label={t("Remove point {0}", index + 1)}
         onClick={() => placing.remove(index)}
       >
         ×

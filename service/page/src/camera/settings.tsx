@@ -1,6 +1,7 @@
 import { useRef } from "preact/hooks";
 
 import type { Placing } from "./placing";
+import { say, t } from "../language/catalogue";
 
 export function Settings({ placing }: { placing: Placing }) {
   const chosen = useRef<HTMLInputElement>(null);
@@ -11,7 +12,7 @@ export function Settings({ placing }: { placing: Placing }) {
     <>
       {refused !== null && (
         <p class="note bad" role="alert">
-          {refused} is no picture that this browser can show: take a JPEG, PNG or WebP.
+          {say("{0} is no picture that this browser can show: take a JPEG, PNG or WebP.", refused)}
         </p>
       )}
       <div class="settings">
@@ -21,14 +22,14 @@ export function Settings({ placing }: { placing: Placing }) {
             class={picture === null ? "primary" : ""}
             onClick={() => chosen.current?.click()}
           >
-            {picture === null ? "Choose a picture…" : "Another picture…"}
+            {picture === null ? t("Choose a picture…") : t("Another picture…")}
           </button>
           <input
             ref={chosen}
             type="file"
             hidden
             accept="image/*"
-            aria-label="Picture of the camera"
+            aria-label={t("Picture of the camera")}
             onChange={(event) => {
               const file = event.currentTarget.files?.[0];
               event.currentTarget.value = "";
@@ -38,7 +39,7 @@ export function Settings({ placing }: { placing: Placing }) {
         </div>
         {storeys.length > 1 && (
           <label class="field">
-            <span>Storey</span>
+            <span>{t("Storey")}</span>
             <select
               value={placing.storey.value ?? ""}
               onChange={(event) => (placing.storey.value = event.currentTarget.value)}
@@ -52,26 +53,26 @@ export function Settings({ placing }: { placing: Placing }) {
           </label>
         )}
         <Text
-          label="Name of the camera"
+          label={t("Name of the camera")}
           value={placing.name.value}
           set={(text) => (placing.name.value = text)}
         />
         <Text
-          label="Topic, or name in Frigate"
+          label={t("Topic, or name in Frigate")}
           value={placing.topic.value}
           placeholder={placing.name.value}
           set={(text) => (placing.topic.value = text)}
         />
         <Amount
-          label="Angle of view across [°]"
+          label={t("Angle of view across [°]")}
           value={placing.angle_deg.value}
           most={170}
-          placeholder="as the points tell"
+          placeholder={t("as the points tell")}
           set={(value) => (placing.angle_deg.value = value)}
         />
         {picture && (
           <Amount
-            label="Persons are found in images of a width of [px]"
+            label={t("Persons are found in images of a width of [px]")}
             value={placing.width_px.value}
             most={20_000}
             placeholder={String(picture.size[0])}

@@ -1,29 +1,30 @@
 import type { Fault } from "./lens";
 import { LEAST_POINTS, type Placing } from "./placing";
+import { fixed, say, t } from "../language/catalogue";
 
 const FAULTS: Readonly<Record<Fault, readonly [string, string]>> = {
   line: [
-    "The points span no area: all of them, or all but one, lie on one line.",
-    "Take four corners of an area of the floor, as far from one another as the picture shows.",
+    t("The points span no area: all of them, or all but one, lie on one line."),
+    t("Take four corners of an area of the floor, as far from one another as the picture shows."),
   ],
   mirror: [
-    "On the plan the points are a mirror image of those in the picture: they go round the other way.",
-    "See that each number is the same point of the floor on both sides.",
+    t("On the plan the points are a mirror image of those in the picture: they go round the other way."),
+    t("See that each number is the same point of the floor on both sides."),
   ],
   crossed: [
-    "The points cross one another: two have changed places.",
-    "See that each number is the same point of the floor on both sides.",
+    t("The points cross one another: two have changed places."),
+    t("See that each number is the same point of the floor on both sides."),
   ],
   focal: [
-    "The points do not tell how wide the lens sees, as where a camera looks straight down.",
-    "Give the angle of view across, or add points that are nearer and farther.",
+    t("The points do not tell how wide the lens sees, as where a camera looks straight down."),
+    t("Give the angle of view across, or add points that are nearer and farther."),
   ],
 };
 
 /** What follows from the points, in words. */
 export function Verdict({ placing }: { placing: Placing }) {
   return (
-    <div role="status" aria-label="What the points tell">
+    <div role="status" aria-label={t("What the points tell")}>
       <Told placing={placing} />
     </div>
   );
@@ -31,13 +32,14 @@ export function Verdict({ placing }: { placing: Placing }) {
 
 function Told({ placing }: { placing: Placing }) {
   const [lens, picture] = [placing.lens.value, placing.picture.value];
-  if (picture === null) return <p class="note">Choose a picture that the camera took.</p>;
+  if (picture === null) return <p class="note">{t("Choose a picture that the camera took.")}</p>;
   if (lens === null) {
     const missing = LEAST_POINTS - placing.count.value;
     return (
       <p class="note">
-        {missing === 1 ? "One point is" : `${missing} points are`} missing, each in the picture and on the
-        plan.
+        {missing === 1
+          ? t("One point is missing, each in the picture and on the plan.")
+          : t("{0} points are missing, each in the picture and on the plan.", missing)}
       </p>
     );
   }
@@ -58,20 +60,27 @@ function Told({ placing }: { placing: Placing }) {
       <div class="note bad">
         <p>
           <strong>
-            No camera sees the points so:{" "}
-            {Number.isFinite(most_px) ? `${most_px.toFixed(0)} px off` : "one is behind it"}.
+            {say(
+              "No camera sees the points so: {0}.",
+              Number.isFinite(most_px) ? t("{0} px off", fixed(most_px, 0)) : t("one is behind it"),
+            )}
           </strong>
         </p>
-        <p>One is in a wrong place, or the picture is cropped, or bent as by a fisheye.</p>
+        <p>{t("One is in a wrong place, or the picture is cropped, or bent as by a fisheye.")}</p>
       </div>
     );
   const [x, y] = lens.place;
   const angle_deg = (2 * Math.atan(picture.size[0] / 2 / lens.focal_px) * 180) / Math.PI;
   return (
     <p class="note good">
-      The camera hangs {lens.height_m.toFixed(2)} m above the floor at {x.toFixed(2)}, {y.toFixed(2)}, and
-      sees {angle_deg.toFixed(0)}° across. The points are {most_px.toFixed(1)} px off at most: look whether
-      its floor lies on the plan as it should.
+      {say(
+        "The camera hangs {0} m above the floor at {1}, {2}, and sees {3}° across. The points are {4} px off at most: look whether its floor lies on the plan as it should.",
+        fixed(lens.height_m, 2),
+        fixed(x, 2),
+        fixed(y, 2),
+        fixed(angle_deg, 0),
+        fixed(most_px, 1),
+      )}
     </p>
   );
 }

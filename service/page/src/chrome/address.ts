@@ -10,6 +10,7 @@ import type { Stage } from "../scene/stage";
 import type { Showing } from "../showing";
 import { everyStorey, shownIn, storeyOf, textOf, type Chosen, type Shown } from "./address_text";
 import { isSheet, isSideOpen } from "./side";
+import { t } from "../language/catalogue";
 
 /** Browsers refuse to change the address more than a hundred times in half a minute. */
 const MOST_AT_ONCE = 30;
@@ -71,10 +72,10 @@ export class Address {
   async copy(): Promise<void> {
     clearTimeout(this.timer);
     this.write(textOf(this.shown()));
-    if (await hasCopied(location.href)) this.app.announce("The link to what is shown is copied.");
+    if (await hasCopied(location.href)) this.app.announce(t("The link to what is shown is copied."));
     else
       this.app.announce(
-        "The browser does not let the page copy: take the link from the address bar.",
+        t("The browser does not let the page copy: take the link from the address bar."),
         "error",
       );
   }
@@ -85,6 +86,7 @@ export class Address {
     batch(() => {
       state.view.value = shown.view;
       state.tab.value = shown.tab;
+      state.heat.value = shown.heat;
       state.find.value = shown.find;
       state.eventFilter.value = shown.events;
       this.wanted.value = shown;
@@ -113,6 +115,7 @@ export class Address {
         selection?.kind === "event"
           ? { kind: "event", id: selection.event.event_id, stamp: selection.event.stamp }
           : selection,
+      heat: state.heat.value,
       tab: state.tab.value,
       find: state.find.value,
       events: state.eventFilter.value,
@@ -144,9 +147,9 @@ export class Address {
       const event = found.events.find((each) => each.event_id === id);
       if (state.map.peek()?.name !== map || state.selection.peek() !== null) return;
       if (event) state.selection.value = { kind: "event", event };
-      else this.app.announce("The event of this link is no longer there.", "error");
+      else this.app.announce(t("The event of this link is no longer there."), "error");
     } catch {
-      this.app.announce("The event of this link could not be read: open the link again.", "error");
+      this.app.announce(t("The event of this link could not be read: open the link again."), "error");
     }
   }
 }

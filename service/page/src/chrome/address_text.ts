@@ -2,7 +2,7 @@
 
 import { EVERYTHING, type EventFilter } from "../events/filter";
 import type { Eye } from "../scene/view";
-import type { Span, Tab, View } from "../state";
+import type { Heat, Span, Tab, View } from "../state";
 
 export type Chosen =
   | { kind: "instance"; id: number }
@@ -18,6 +18,7 @@ export interface Shown {
   /** In milliseconds since 1970; null: what is now. */
   at: number | null;
   chosen: Chosen | null;
+  heat: Heat;
   tab: Tab;
   find: string;
   events: EventFilter;
@@ -30,6 +31,7 @@ export interface Shown {
 }
 
 const TABS: readonly Tab[] = ["details", "events", "edit", "rules", "queries", "import"];
+const HEATS: readonly Heat[] = ["now", "day", "week"];
 const FILTERS = Object.keys(EVERYTHING) as (keyof EventFilter)[];
 const FIRST_TAB = "events";
 const ALL_STOREYS = "*";
@@ -47,6 +49,7 @@ export function textOf(shown: Shown): string {
   add("at", shown.at === null ? null : stampOf(shown.at));
   if (shown.chosen?.kind === "event") add("event", `${shown.chosen.id}@${shown.chosen.stamp}`);
   else if (shown.chosen) add(shown.chosen.kind, `${shown.chosen.id}`);
+  add("heat", shown.heat === "now" ? null : shown.heat);
   add("tab", shown.tab === FIRST_TAB ? null : shown.tab);
   add("find", shown.find);
   for (const each of FILTERS) add(`events-${each}`, shown.events[each]);
@@ -70,6 +73,7 @@ export function shownIn(text: string): Shown {
     storey: said.get("storey"),
     at: momentOf(said.get("at")),
     chosen: chosenOf(said),
+    heat: HEATS.find((each) => each === said.get("heat")) ?? "now",
     tab: tab ?? FIRST_TAB,
     find: said.get("find") ?? "",
     events: {

@@ -7,14 +7,20 @@ import type { App } from "../app";
 import { Tour, tourAt } from "../welcome/tour";
 import { isHelpOpen, isSignInOpen } from "./head";
 import { KEYS } from "./keys";
+import { language, LANGUAGES, say, speak, t, type Language } from "../language/catalogue";
 
 export function Dialogs({ app, signedIn }: { app: App; signedIn: () => void }) {
   return (
     <>
-      <Dialog isOpen={isHelpOpen.value} close={() => (isHelpOpen.value = false)} title="Keys">
+      <Dialog isOpen={isHelpOpen.value} close={() => (isHelpOpen.value = false)} title={t("Keys")}>
         <Help />
       </Dialog>
-      <Dialog isOpen={isSignInOpen.value} close={() => (isSignInOpen.value = false)} title="Sign in" hasField>
+      <Dialog
+        isOpen={isSignInOpen.value}
+        close={() => (isSignInOpen.value = false)}
+        title={t("Sign in")}
+        hasField
+      >
         <SignIn app={app} signedIn={signedIn} />
       </Dialog>
       <Tour app={app} />
@@ -73,8 +79,22 @@ function Help() {
           ))}
         </tbody>
       </table>
+      <label class="field">
+        <span>{t("Language")}</span>
+        <select value={language} onChange={(event) => speak(event.currentTarget.value as Language)}>
+          {Object.entries(LANGUAGES).map(([tag, name]) => (
+            <option key={tag} value={tag} lang={tag}>
+              {name}
+            </option>
+          ))}
+        </select>
+      </label>
       <p class="soft help-links">
-        The API behind this page: <a href="/docs">/docs</a>, <a href="/openapi.json">/openapi.json</a>.
+        {say(
+          "The API behind this page: {0}, {1}.",
+          <a href="/docs">/docs</a>,
+          <a href="/openapi.json">/openapi.json</a>,
+        )}
       </p>
       <footer>
         <button
@@ -83,10 +103,10 @@ function Help() {
             tourAt.value = 0;
           }}
         >
-          Take the tour
+          {t("Take the tour")}
         </button>
         <button class="primary" onClick={() => (isHelpOpen.value = false)}>
-          Close
+          {t("Close")}
         </button>
       </footer>
     </>
@@ -107,8 +127,10 @@ function SignIn({ app, signedIn }: { app: App; signedIn: () => void }) {
       }}
     >
       <p class="soft">
-        This service asks for a token, such as <code>semap token add NAME --scope read</code> makes. It is
-        kept in this tab only, until the tab is closed.
+        {say(
+          "This service asks for a token, such as {0} makes. It is kept in this tab only, until the tab is closed.",
+          <code>semap token add NAME --scope read</code>,
+        )}
       </p>
       {problem && hasToken && (
         <p class="note bad" role="alert">
@@ -116,7 +138,7 @@ function SignIn({ app, signedIn }: { app: App; signedIn: () => void }) {
         </p>
       )}
       <label class="field">
-        <span>Token</span>
+        <span>{t("Token")}</span>
         <input
           id="token"
           type="password"
@@ -137,11 +159,11 @@ function SignIn({ app, signedIn }: { app: App; signedIn: () => void }) {
               location.reload();
             }}
           >
-            Sign out
+            {t("Sign out")}
           </button>
         )}
         <button class="primary" disabled={!/^[\x21-\x7e]+$/.test(text.trim())}>
-          Sign in
+          {t("Sign in")}
         </button>
       </footer>
     </form>

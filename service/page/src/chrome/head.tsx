@@ -12,6 +12,7 @@ import { agoText, clockText, dateText, momentText } from "../timeline/clock";
 import { Icon } from "./icons";
 import { isSheet, isSideOpen } from "./side";
 import { theme, toggleTheme } from "./theme";
+import { say, t } from "../language/catalogue";
 
 const FRESH_MS = 60_000;
 
@@ -37,11 +38,11 @@ export function Head({ app, showing, copyLink }: HeadProps) {
       {maps.length > 0 && (
         <select
           id="map-choice"
-          aria-label="Map"
+          aria-label={t("Map")}
           value={state.mapName.value ?? ""}
           onChange={(event) => event.currentTarget.value && showing.showMap(event.currentTarget.value)}
         >
-          {state.mapName.value === null && <option value="">choose a map</option>}
+          {state.mapName.value === null && <option value="">{t("choose a map")}</option>}
           {maps.map(({ name }) => (
             <option key={name} value={name}>
               {name}
@@ -50,13 +51,13 @@ export function Head({ app, showing, copyLink }: HeadProps) {
         </select>
       )}
       {storeys.length > 1 && <StoreyChoice state={state} showing={showing} />}
-      <div class="segmented" role="group" aria-label="View">
+      <div class="segmented" role="group" aria-label={t("View")}>
         <button
           id="view-plan"
           aria-pressed={state.view.value === "plan"}
           onClick={() => (state.view.value = "plan")}
         >
-          Plan
+          {t("Plan")}
         </button>
         <button
           id="view-space"
@@ -72,8 +73,8 @@ export function Head({ app, showing, copyLink }: HeadProps) {
       </span>
       <button
         class="icon plain"
-        aria-label="Copy a link to what is shown"
-        title="Copy a link to what is shown"
+        aria-label={t("Copy a link to what is shown")}
+        title={t("Copy a link to what is shown")}
         disabled={state.map.value === null}
         onClick={copyLink}
       >
@@ -81,21 +82,21 @@ export function Head({ app, showing, copyLink }: HeadProps) {
       </button>
       <button
         class="icon plain"
-        aria-label={theme.value === "dark" ? "Light colours" : "Dark colours"}
-        title="Light or dark (D)"
+        aria-label={theme.value === "dark" ? t("Light colours") : t("Dark colours")}
+        title={t("Light or dark (D)")}
         onClick={toggleTheme}
       >
         <Icon name={theme.value === "dark" ? "sun" : "moon"} />
       </button>
       {(app.api.token !== null || state.unauthorised.value !== null) && (
         <button class="plain" id="sign-in" onClick={() => (isSignInOpen.value = true)}>
-          {state.unauthorised.value ? "Sign in" : "Token"}
+          {state.unauthorised.value ? t("Sign in") : t("Token")}
         </button>
       )}
       <button
         class="icon plain"
-        aria-label="Keys and help"
-        title="Keys and help (?)"
+        aria-label={t("Keys and help")}
+        title={t("Keys and help (?)")}
         onClick={() => (isHelpOpen.value = true)}
       >
         <Icon name="help" />
@@ -114,7 +115,7 @@ function StoreyChoice({ state, showing }: { state: State; showing: Showing }) {
   return (
     <select
       id="storey-choice"
-      aria-label="Storey"
+      aria-label={t("Storey")}
       value={state.storey.value ?? ""}
       onChange={(event) => {
         const storey = event.currentTarget.value || null;
@@ -122,7 +123,7 @@ function StoreyChoice({ state, showing }: { state: State; showing: Showing }) {
         state.storey.value = storey;
       }}
     >
-      <option value="">all storeys, in 3D</option>
+      <option value="">{t("all storeys, in 3D")}</option>
       {map.storeys.toReversed().map(({ name }) => (
         <option key={name} value={name}>
           {counts?.has(name) ? `${name} (${counts.get(name)})` : name}
@@ -147,10 +148,10 @@ export function SideButton() {
   return (
     <button
       class="icon plain side-button"
-      aria-label={isSideOpen.value ? "Close the panels" : "Open the panels"}
+      aria-label={isSideOpen.value ? t("Close the panels") : t("Open the panels")}
       aria-expanded={isSideOpen.value}
       aria-controls="side"
-      title="Panels (P)"
+      title={t("Panels (P)")}
       onClick={() => (isSideOpen.value = !isSideOpen.value)}
     >
       <Icon name={isSideOpen.value ? "close" : "open"} />
@@ -165,7 +166,7 @@ function Status({ app }: { app: App }) {
   if (connection.state === "disconnected") {
     return (
       <span class="status disconnected" id="status" data-state="disconnected">
-        Disconnected
+        {t("Disconnected")}
       </span>
     );
   }
@@ -183,7 +184,7 @@ function Status({ app }: { app: App }) {
     if (app.state.maps.value !== null && app.state.mapName.value === null) return null;
     return (
       <span class="status loading" id="status" data-state="loading">
-        Loading
+        {t("Loading")}
       </span>
     );
   }
@@ -194,7 +195,7 @@ function Status({ app }: { app: App }) {
         id="status"
         data-state={connection.resumed ? "resumed" : "live"}
       >
-        {connection.resumed ? "Live again" : "Live"}
+        {connection.resumed ? t("Live again") : t("Live")}
       </span>
       <Freshness newest={newest} />
     </>
@@ -208,10 +209,10 @@ function Freshness({ newest }: { newest: number | null }) {
     const timer = setInterval(() => setTick((before) => before + 1), 1000);
     return () => clearInterval(timer);
   }, []);
-  if (newest === null) return <span id="freshness">nothing yet</span>;
+  if (newest === null) return <span id="freshness">{t("nothing yet")}</span>;
   return (
-    <span id="freshness" title={`The newest is of ${momentText(newest)}`}>
-      newest: {agoText(Date.now() - newest)}
+    <span id="freshness" title={t("The newest is of {0}", momentText(newest))}>
+      {say("newest: {0}", agoText(Date.now() - newest))}
     </span>
   );
 }

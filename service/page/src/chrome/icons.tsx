@@ -19,11 +19,13 @@ const PATHS = {
 } as const;
 
 const FILLED = new Set(["play", "before", "after"]);
+/** They point to a side, which is the other one where one reads from right to left. */
+const SIDED = new Set(["earlier", "later", "close", "open"]);
 
 export function Icon({ name }: { name: keyof typeof PATHS }) {
   return (
     <svg
-      class={FILLED.has(name) ? "icon-picture filled" : "icon-picture"}
+      class={`icon-picture${FILLED.has(name) ? " filled" : ""}${SIDED.has(name) ? " sided" : ""}`}
       width="18"
       height="18"
       viewBox="0 0 20 20"

@@ -8,23 +8,24 @@ import type { Stage } from "../scene/stage";
 import { isHelpOpen } from "./head";
 import { isSideOpen } from "./side";
 import { toggleTheme } from "./theme";
+import { t } from "../language/catalogue";
 
 /** Keys and what they do, as the help lists them. */
 export const KEYS: readonly [string[], string][] = [
-  [["?"], "These keys"],
-  [["V"], "Plan or 3D"],
-  [["0"], "Show all of the map"],
-  [["+", "−"], "Nearer, farther (on the map or the timeline, whichever is focused)"],
-  [["←", "→", "↑", "↓"], "On the map: move it; with Shift in 3D: turn it"],
-  [["←", "→"], "On the timeline: back and forth in time; with Shift ten times as far"],
-  [["Page ↑", "Page ↓"], "On the timeline: the event before, the event after"],
-  [["Space"], "Play the past, or pause"],
-  [["L"], "Back to live"],
-  [["1", "…", "6"], "The panels: details, events, edit, rules, queries, import"],
-  [["/"], "Find on the map, or among the events where they are listed"],
-  [["P"], "Open or close the panels"],
-  [["D"], "Light or dark"],
-  [["Esc"], "Select nothing; leave a tool"],
+  [["?"], t("These keys")],
+  [["V"], t("Plan or 3D")],
+  [["0"], t("Show all of the map")],
+  [["+", "−"], t("Nearer, farther (on the map or the timeline, whichever is focused)")],
+  [["←", "→", "↑", "↓"], t("On the map: move it; with Shift in 3D: turn it")],
+  [["←", "→"], t("On the timeline: back and forth in time; with Shift ten times as far")],
+  [[t("Page ↑"), t("Page ↓")], t("On the timeline: the event before, the event after")],
+  [[t("Space")], t("Play the past, or pause")],
+  [["L"], t("Back to live")],
+  [["1", "…", "6"], t("The panels: details, events, edit, rules, queries, import")],
+  [["/"], t("Find on the map, or among the events where they are listed")],
+  [["P"], t("Open or close the panels")],
+  [["D"], t("Light or dark")],
+  [[t("Esc")], t("Select nothing; leave a tool")],
   ...EDIT_KEYS,
 ];
 

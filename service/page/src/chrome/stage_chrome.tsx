@@ -3,29 +3,37 @@
 import { useEffect, useState } from "preact/hooks";
 
 import type { App } from "../app";
-import type { Connection } from "../state";
+import type { Connection, Heat, State } from "../state";
 import type { Showing } from "../showing";
-import { OCCUPANCY_STEPS } from "../scene/colours";
+import { limitsOf } from "../heat/warmth";
+import { OCCUPANCY_STEPS } from "../scene/steps";
 import type { Stage } from "../scene/stage";
 import { durationText } from "../timeline/clock";
 import { askAgain, UNANSWERED } from "../unanswered";
 import { SampleBanner, Welcome } from "../welcome/welcome";
 import { isSignInOpen } from "./head";
 import { Icon } from "./icons";
+import { fixed, say, t } from "../language/catalogue";
+import { doorState } from "../words";
 
 export function StageChrome({ app, showing, stage }: { app: App; showing: Showing; stage: Stage }) {
   const { state } = app;
   const connection = state.connection.value;
   return (
     <>
-      <div class="stage-tools" role="group" aria-label="Zoom">
-        <button class="icon" aria-label="Nearer" onClick={() => stage.zoom(1.4)}>
+      <div class="stage-tools" role="group" aria-label={t("Zoom")}>
+        <button class="icon" aria-label={t("Nearer")} onClick={() => stage.zoom(1.4)}>
           <Icon name="plus" />
         </button>
-        <button class="icon" aria-label="Farther" onClick={() => stage.zoom(1 / 1.4)}>
+        <button class="icon" aria-label={t("Farther")} onClick={() => stage.zoom(1 / 1.4)}>
           <Icon name="minus" />
         </button>
-        <button class="icon" aria-label="Show all of the map" title="All (0)" onClick={() => stage.fit()}>
+        <button
+          class="icon"
+          aria-label={t("Show all of the map")}
+          title={t("All (0)")}
+          onClick={() => stage.fit()}
+        >
           <Icon name="all" />
         </button>
       </div>
@@ -35,7 +43,7 @@ export function StageChrome({ app, showing, stage }: { app: App; showing: Showin
         <SampleBanner />
       </div>
       <Word app={app} showing={showing} />
-      {state.map.value && <Legend />}
+      {state.map.value && <Legend state={state} />}
       <HoverCard app={app} showing={showing} stage={stage} />
     </>
   );
@@ -57,10 +65,13 @@ function Disconnected({
   return (
     <div class="banner" role="alert">
       <span class="number">
-        No connection for {durationText(Math.max(0, now - connection.since))};{" "}
-        {wait_s > 0 ? `trying again in ${wait_s} s` : "trying again"}
+        {say(
+          "No connection for {0}; {1}",
+          durationText(Math.max(0, now - connection.since)),
+          wait_s > 0 ? t("trying again in {0} s", wait_s) : t("trying again"),
+        )}
       </span>
-      <button onClick={() => showing.retryNow()}>Try now</button>
+      <button onClick={() => showing.retryNow()}>{t("Try now")}</button>
     </div>
   );
 }
@@ -74,9 +85,14 @@ function UnreadMoment({ app }: { app: App }) {
   return (
     <div class="banner unread" role="status" id="unread">
       {problem === null
-        ? "Reading this moment …"
-        : `How it was at this moment could not be read. ${willRetry ? "It is read again as soon as the service answers." : `${problem.detail} ${problem.remedy}`}`}
-      {problem !== null && !willRetry && <button onClick={askAgain}>Try again</button>}
+        ? t("Reading this moment …")
+        : t(
+            "How it was at this moment could not be read. {0}",
+            willRetry
+              ? t("It is read again as soon as the service answers.")
+              : `${problem.detail} ${problem.remedy}`,
+          )}
+      {problem !== null && !willRetry && <button onClick={askAgain}>{t("Try again")}</button>}
     </div>
   );
 }
@@ -88,11 +104,11 @@ function Word({ app, showing }: { app: App; showing: Showing }) {
   if (state.unauthorised.value) {
     return (
       <div class="stage-note" role="alert">
-        <h2>Sign in to see the map</h2>
+        <h2>{t("Sign in to see the map")}</h2>
         <p class="soft">{state.unauthorised.value.detail}</p>
         <p class="row note-actions">
           <button class="primary" onClick={() => (isSignInOpen.value = true)}>
-            Sign in
+            {t("Sign in")}
           </button>
         </p>
       </div>
@@ -103,18 +119,18 @@ function Word({ app, showing }: { app: App; showing: Showing }) {
       <div class="stage-note" role="alert" id="problem">
         <h2>
           {problem.status === 403
-            ? "This token may not do that"
+            ? t("This token may not do that")
             : problem.status === 0
-              ? "No answer"
-              : "That did not work"}
+              ? t("No answer")
+              : t("That did not work")}
         </h2>
         <p>{problem.detail}</p>
         {problem.remedy && <p class="soft">{problem.remedy}</p>}
         <p class="row note-actions">
           <button class="primary" onClick={() => void showing.reloadMaps()}>
-            Try again
+            {t("Try again")}
           </button>
-          {state.map.value && <button onClick={() => (state.problem.value = null)}>Dismiss</button>}
+          {state.map.value && <button onClick={() => (state.problem.value = null)}>{t("Dismiss")}</button>}
         </p>
       </div>
     );
@@ -123,17 +139,17 @@ function Word({ app, showing }: { app: App; showing: Showing }) {
   if (state.mapName.value !== null && state.map.value === null) {
     return (
       <div class="stage-note" role="status">
-        Reading the map {state.mapName.value} …
+        {say("Reading the map {0} …", state.mapName.value)}
       </div>
     );
   }
   if (state.map.value?.things.length === 0) {
     return (
       <div class="stage-note">
-        <h2>This map is empty</h2>
+        <h2>{t("This map is empty")}</h2>
         <p class="row note-actions">
-          <button onClick={() => (state.tab.value = "edit")}>Draw a room</button>
-          <button onClick={() => (state.tab.value = "import")}>Import a file</button>
+          <button onClick={() => (state.tab.value = "edit")}>{t("Draw a room")}</button>
+          <button onClick={() => (state.tab.value = "import")}>{t("Import a file")}</button>
         </p>
       </div>
     );
@@ -144,28 +160,57 @@ function Word({ app, showing }: { app: App; showing: Showing }) {
 export function NoGraphics() {
   return (
     <div class="stage-note" role="alert">
-      <h2>No WebGL</h2>
+      <h2>{t("No WebGL")}</h2>
       <p>
-        This browser draws no 3D graphics (WebGL 2), which the map needs. Turn on hardware acceleration, or
-        use another browser.
+        {t(
+          "This browser draws no 3D graphics (WebGL 2), which the map needs. Turn on hardware acceleration, or use another browser.",
+        )}
       </p>
     </div>
   );
 }
 
-function Legend() {
+const STEPS = OCCUPANCY_STEPS.length;
+const HEATS: readonly (readonly [Heat, string])[] = [
+  ["now", t("people now")],
+  ["day", t("hours of the day")],
+  ["week", t("hours of the week")],
+];
+
+function Legend({ state }: { state: State }) {
+  const hours = state.heat.value === "now" ? null : state.hours.value;
+  const limits = hours && limitsOf(hours);
+  const said = (least: number, i: number): string | number => {
+    if (limits) return i === 0 ? 0 : fixed(limits[i]!, limits[STEPS - 1]! < 10 ? 1 : 0);
+    return i === STEPS - 1 ? `${least}+` : least === 3 ? "3–4" : least;
+  };
   return (
     <details class="legend">
       <summary>
-        <span>People in a room</span>
+        <span>{state.heat.value === "now" ? t("People in a room") : t("Hours that people spent there")}</span>
         <span class="swatches">
           {OCCUPANCY_STEPS.map((least, i) => (
             <i key={least} class={`occupancy-${least}`}>
-              {i === OCCUPANCY_STEPS.length - 1 ? `${least}+` : least === 3 ? "3–4" : least}
+              {said(least, i)}
             </i>
           ))}
         </span>
       </summary>
+      <label class="field">
+        <span>{t("Colours of the rooms")}</span>
+        <select
+          id="heat-choice"
+          value={state.heat.value}
+          onChange={(event) => (state.heat.value = event.currentTarget.value as Heat)}
+        >
+          {HEATS.map(([heat, label]) => (
+            <option key={heat} value={heat}>
+              {label}
+            </option>
+          ))}
+        </select>
+      </label>
+      {limits?.[STEPS - 1] === 0 && <p class="soft">{t("Nobody was anywhere in that time.")}</p>}
       <dl>
         <dt>
           <svg width="26" height="20" viewBox="-10 -10 26 20" aria-hidden="true">
@@ -174,14 +219,14 @@ function Legend() {
             <circle r="5" class="legend-person" />
           </svg>
         </dt>
-        <dd>who, heading; within the ellipse at 95 %</dd>
+        <dd>{t("who, heading; within the ellipse at 95 %")}</dd>
         <dt>
           <DoorSign d="M3 17V3 M3 3A14 14 0 0 1 17 17" state="open" />
           <DoorSign d="M3 17 12 6 M12 6A14 14 0 0 1 17 17" state="moving" />
           <DoorSign d="M3 17H17" state="closed" />
           <DoorSign d="M3 17h3m2 0h3m2 0h3" state="unknown" />
         </dt>
-        <dd>door open, moving, closed, not known</dd>
+        <dd>{t("door open, moving, closed, not known")}</dd>
       </dl>
     </details>
   );
@@ -206,22 +251,25 @@ function HoverCard({ app, showing, stage }: { app: App; showing: Showing; stage:
     if (!thing) return null;
     name = thing.alias ?? thing.name;
     const door = (app.state.isLive.value ? showing.now : showing.then).doors.get(thing.id);
-    const count = app.state.occupancy.value.get(thing.id) ?? 0;
-    more =
-      thing.kind !== "room"
-        ? (door?.state ?? thing.concept)
-        : app.state.isKnown.value
-          ? `${count} in it`
-          : "not known";
+    more = thing.kind === "room" ? inRoom(app.state, thing.id) : door ? doorState(door.state) : thing.concept;
   } else if (selection.kind === "track") {
     const mover = (app.state.isLive.value ? showing.now : showing.then).movers.get(selection.id);
     if (!mover) return null;
     name = mover.state.name;
-    more = mover.state.speed_mps === null ? "" : `${mover.state.speed_mps.toFixed(1)} m/s`;
+    more = mover.state.speed_mps === null ? "" : `${fixed(mover.state.speed_mps, 1)} m/s`;
   }
   return (
     <div class="hover-card" style={{ transform: `translate(${x_px + 14}px, ${y_px + 14}px)` }}>
       <b>{name}</b> <span class="soft">{more}</span>
     </div>
   );
+}
+
+/** How many are in a room, or how many hours people spent there, as its colour tells. */
+function inRoom({ heat, hours, isKnown, occupancy }: State, id: number): string {
+  if (heat.value !== "now") {
+    const spent = hours.value?.get(id);
+    return spent === undefined ? t("Being read …") : t("{0} h", fixed(spent, 1));
+  }
+  return isKnown.value ? t("{0} in it", occupancy.value.get(id) ?? 0) : t("not known");
 }

@@ -5,14 +5,15 @@ import { useLayoutEffect } from "preact/hooks";
 import type { State, Tab } from "../state";
 import { SideButton } from "./head";
 import { isSheet, isSideOpen } from "./side";
+import { t } from "../language/catalogue";
 
 const TABS: readonly [Tab, string][] = [
-  ["details", "Details"],
-  ["events", "Events"],
-  ["edit", "Edit"],
-  ["rules", "Rules"],
-  ["queries", "Queries"],
-  ["import", "Import"],
+  ["details", t("Details")],
+  ["events", t("Events")],
+  ["edit", t("Edit")],
+  ["rules", t("Rules")],
+  ["queries", t("Queries")],
+  ["import", t("Import")],
 ];
 
 export function Tabs({ state }: { state: State }) {
@@ -27,7 +28,7 @@ export function Tabs({ state }: { state: State }) {
   };
   return (
     <>
-      <div role="tablist" aria-label="Panels">
+      <div role="tablist" aria-label={t("Panels")}>
         {TABS.map(([tab, label], i) => (
           <button
             key={tab}

@@ -5,6 +5,7 @@ import { effect } from "@preact/signals";
 import type { State } from "../state";
 import { sentenceOf } from "../words";
 import { tell } from "./notices";
+import { t } from "../language/catalogue";
 
 const EVERY_MS = 4000;
 
@@ -17,7 +18,7 @@ export function startTellingEvents(state: State): void {
     if (!newest || told === null || newest.seq <= told) return;
     const more = state.events.peek().filter((each) => each.seq > told!).length - 1;
     told = newest.seq;
-    tell(`${sentenceOf(newest, state.map.peek())}${more > 0 ? `, and ${more} more events` : ""}`);
+    tell(`${sentenceOf(newest, state.map.peek())}${more > 0 ? t(", and {0} more events", more) : ""}`);
   };
   effect(() => {
     const [newest] = state.events.value;

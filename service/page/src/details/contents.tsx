@@ -7,6 +7,7 @@ import type { Showing } from "../showing";
 import { Gone } from "./gone";
 import { Happened } from "./happened";
 import { nameOf, TrackLink, Unread } from "./parts";
+import { say, t } from "../language/catalogue";
 
 const MOST = 200;
 
@@ -40,26 +41,26 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
             </li>
           ))}
         </Roving>
-        {found.length > MOST && <p class="soft">and {found.length - MOST} more; type a part of a name</p>}
+        {found.length > MOST && (
+          <p class="soft">{say("and {0} more; type a part of a name", found.length - MOST)}</p>
+        )}
       </section>
     );
   return (
     <div class="stack">
       <label class="field">
-        <span>Find on the map</span>
+        <span>{t("Find on the map")}</span>
         <input
           type="search"
           value={wanted}
           onInput={(event) => (app.state.find.value = event.currentTarget.value)}
-          placeholder="room, door, person or concept"
+          placeholder={t("room, door, person or concept")}
         />
       </label>
       {!isKnown && <Unread app={app} />}
       {tracks.length > 0 && (
         <section>
-          <h3>
-            Who is here <span class="soft">{tracks.length}</span>
-          </h3>
+          <h3>{say("Who is here {0}", <span class="soft">{tracks.length}</span>)}</h3>
           <Roving class="list">
             {tracks.slice(0, MOST).map((each) => (
               <li key={each.track_id}>
@@ -73,17 +74,17 @@ export function Contents({ app, showing }: { app: App; showing: Showing }) {
       <Gone app={app} wanted={wanted.trim()} present={new Set(tracks.map((each) => each.track_id))} />
       {wanted.trim() !== "" && <Happened app={app} wanted={wanted.trim()} />}
       {section(
-        "Rooms",
+        t("Rooms"),
         things.filter((each) => each.kind === "room"),
         (each) => (isKnown ? (occupancy.value.get(each.id) ?? 0) : ""),
       )}
       {section(
-        "Doors",
+        t("Doors"),
         things.filter((each) => each.kind === "door"),
         (each) => world.doors.get(each.id)?.state ?? "",
       )}
       {section(
-        "Things",
+        t("Things"),
         things.filter((each) => each.kind === "thing"),
         (each) => each.concept,
       )}

@@ -7,13 +7,14 @@ import { path } from "../api";
 import type { App } from "../app";
 import { Roving } from "../panel/roving";
 import type { Way } from "../state";
-import { clockText, dateText, durationText, timeText, zone } from "../timeline/clock";
+import { clockText, dateText, dayText, durationText, timeText, zone } from "../timeline/clock";
 import { dayOf, momentFrom } from "../timeline/day";
 import { DayChoice } from "./day_choice";
 import { Failed, InstanceLink, nameOf } from "./parts";
 import { useReading } from "./reading";
 import { Strip } from "./strip";
 import { lengthOf, spanOf, staysOf, whereAt, type Day, type Stay } from "./whereabouts";
+import { fixed, say, t } from "../language/catalogue";
 
 const MOST_STAYS = 1000;
 const S = 1000;
@@ -49,13 +50,13 @@ export function DayOf({ because, ...who }: Who & { because: readonly unknown[] }
       : null;
   useWay(who, day, [stays, way, app.state.map.value]);
   return (
-    <section aria-label="The day" class="stack">
+    <section aria-label={t("The day")} class="stack">
       <DayChoice app={app} shown={at ?? seen} />
       <TimeField app={app} shown={at ?? seen} />
       {stays.state === "failed" && <Failed problem={stays.problem} />}
       {way.state === "failed" && <Failed problem={way.problem} />}
       {stays.state === "loading" || way.state === "loading" ? (
-        <p class="soft">Reading this day …</p>
+        <p class="soft">{t("Reading this day …")}</p>
       ) : (
         day && <Told {...who} day={day} isCut={stays.state === "there" && stays.value.more} />
       )}
@@ -68,7 +69,7 @@ function Told({ day, isCut, ...who }: Who & { day: Day; isCut: boolean }) {
   const at = app.state.at.value;
   const seen = day.parts.map(spanOf);
   if (seen.length === 0 && day.stays.length === 0)
-    return <p class="soft">{name} was not seen on this day.</p>;
+    return <p class="soft">{say("{0} was not seen on this day.", name)}</p>;
   const bounds = [...seen, ...day.stays];
   const { from, to } = dayOf(at ?? who.seen);
   const span = {
@@ -84,12 +85,18 @@ function Told({ day, isCut, ...who }: Who & { day: Day; isCut: boolean }) {
       )}
       <Strip app={app} day={day} seen={span} />
       <p class="soft">
-        From {timeText(span.from, S)} to {clockText(span.to, S)}, on a way of{" "}
-        {distanceText(lengthOf(day.parts))}.
+        {say(
+          "From {0} to {1}, on a way of {2}.",
+          timeText(span.from, S),
+          clockText(span.to, S),
+          distanceText(lengthOf(day.parts)),
+        )}
       </p>
-      <section aria-label="Stays">
-        {day.stays.length === 0 && <p class="soft">In no room, as far as the queries of this map tell.</p>}
-        {isCut && <p class="soft">The earlier stays of this day are not shown.</p>}
+      <section aria-label={t("Stays")}>
+        {day.stays.length === 0 && (
+          <p class="soft">{t("In no room, as far as the queries of this map tell.")}</p>
+        )}
+        {isCut && <p class="soft">{t("The earlier stays of this day are not shown.")}</p>}
         <Roving class="list stays" isOrdered>
           {day.stays.map((stay) => (
             <StayRow key={`${stay.room} ${stay.from}`} app={app} stay={stay} />
@@ -105,8 +112,8 @@ function StayRow({ app, stay }: { app: App; stay: Stay }) {
   const isShown = at.value !== null && stay.from <= at.value && at.value < stay.to;
   return (
     <li aria-current={isShown ? "time" : undefined}>
-      <button class="link number" title="Show this moment" onClick={() => app.moveTo(stay.from)}>
-        {timeText(stay.from, S)}–{stay.isOpen ? "now" : timeText(stay.to, S)}
+      <button class="link number" title={t("Show this moment")} onClick={() => app.moveTo(stay.from)}>
+        {timeText(stay.from, S)}–{stay.isOpen ? t("now") : timeText(stay.to, S)}
       </button>
       <InstanceLink app={app} id={stay.room} name={nameOf(app, stay.room, stay.name)} />
       <span class="soft number">{durationText(stay.to - stay.from)}</span>
@@ -120,13 +127,13 @@ function TimeField({ app, shown }: { app: App; shown: number }) {
   void zone.value;
   return (
     <label class="field">
-      <span>Where at</span>
+      <span>{t("Where at")}</span>
       <input
         type="time"
         step={1}
         value={at.value === null ? "" : timeText(at.value, S)}
         onChange={(event) => {
-          const moment = momentFrom(dateText(shown), event.currentTarget.value);
+          const moment = momentFrom(dayText(shown), event.currentTarget.value);
           if (moment !== null && moment !== at.peek()) app.moveTo(moment);
         }}
       />
@@ -137,20 +144,20 @@ function TimeField({ app, shown }: { app: App; shown: number }) {
 function whereText({ app, name, seen }: Who, day: Day, at: number): string {
   const then = clockText(at, S);
   const found = whereAt(day, at);
-  if (found.kind === "outside") return `At ${then} ${name} was in no room.`;
+  if (found.kind === "outside") return t("At {0} {1} was in no room.", then, name);
   if (found.kind === "rooms") {
     const rooms = found.stays.map((each) => nameOf(app, each.room, each.name)).join(" and ");
-    return `At ${then} ${name} was in ${rooms}, since ${timeText(found.stays[0]!.from, S)}.`;
+    return t("At {0} {1} was in {2}, since {3}.", then, name, rooms, timeText(found.stays[0]!.from, S));
   }
   if (found.since !== null)
-    return `At ${then} ${name} was not seen; last before that at ${timeText(found.since, S)}.`;
+    return t("At {0} {1} was not seen; last before that at {2}.", then, name, timeText(found.since, S));
   return at < seen
-    ? `At ${then} ${name} was not seen yet on this day.`
-    : `At ${then} ${name} was no longer seen; last on ${dateText(seen)} at ${timeText(seen, S)}.`;
+    ? t("At {0} {1} was not seen yet on this day.", then, name)
+    : t("At {0} {1} was no longer seen; last on {2} at {3}.", then, name, dateText(seen), timeText(seen, S));
 }
 
 function distanceText(length_m: number): string {
-  return length_m < 1000 ? `${Math.round(length_m)} m` : `${(length_m / 1000).toFixed(1)} km`;
+  return length_m < 1000 ? `${fixed(length_m, 0)} m` : `${fixed(length_m / 1000, 1)} km`;
 }
 
 /** Has the way drawn on the map for as long as the day is shown. */

@@ -7,8 +7,10 @@ import { useEffect, useState } from "preact/hooks";
 import { withClock } from "../timeline/clock";
 import { problemOf } from "../unanswered";
 import { Facts, Failed, InstanceLink, Moment, nameOf, TrackLink } from "./parts";
+import { TellMe } from "../alerts/tell_me";
 import { propertyOf, sentenceOf, titleOf } from "../words";
 import type { Reading } from "./reading";
+import { say, t } from "../language/catalogue";
 
 export function EventDetails({ event, app }: { event: EventDocument; app: App }) {
   const entries = (values: Record<string, unknown>): (readonly [string, string])[] =>
@@ -16,25 +18,28 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
   return (
     <>
       <header>
-        <h2 class="title" dir="auto">
-          {sentenceOf(event, app.state.map.value)}
-        </h2>
+        <h2 class="title">{sentenceOf(event, app.state.map.value)}</h2>
         <p class="soft">
-          {titleOf(event.type)}, as the rule {titleOf(event.rule)} found it (version {event.rule_version})
+          {say(
+            "{0}, as the rule {1} found it (version {2})",
+            titleOf(event.type),
+            titleOf(event.rule),
+            event.rule_version,
+          )}
         </p>
       </header>
       {event.verdict === "retracted" && (
-        <p class="note warn">Looking back, this did not happen: the batch layer retracted it.</p>
+        <p class="note warn">{t("Looking back, this did not happen: the batch layer retracted it.")}</p>
       )}
       {event.verdict === "amended" && (
-        <p class="note">Looking back, it was a little different: the batch layer amended it.</p>
+        <p class="note">{t("Looking back, it was a little different: the batch layer amended it.")}</p>
       )}
       <Facts
         facts={[
-          ["When", <Moment app={app} stamp={event.stamp} />],
-          ["Who", event.track && <TrackLink app={app} id={event.track.id} name={event.track.name} />],
+          [t("When"), <Moment app={app} stamp={event.stamp} />],
+          [t("Who"), event.track && <TrackLink app={app} id={event.track.id} name={event.track.name} />],
           [
-            "Where",
+            t("Where"),
             event.instance && (
               <InstanceLink
                 app={app}
@@ -43,23 +48,23 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
               />
             ),
           ],
-          ["Since", event.since !== event.stamp && <Moment app={app} stamp={event.since} />],
-          ["Because", event.cause && CAUSES[event.cause]],
-          ["How sure", event.confidence !== null && `${Math.round(event.confidence * 100)} %`],
-          ["Verdict", event.verdict],
+          [t("Since"), event.since !== event.stamp && <Moment app={app} stamp={event.since} />],
+          [t("Because"), event.cause && CAUSES[event.cause]],
+          [t("How sure"), event.confidence !== null && `${Math.round(event.confidence * 100)} %`],
+          [t("Verdict"), event.verdict && VERDICTS[event.verdict]],
           ...entries(event.key),
           ...entries(event.measures),
         ]}
       />
       <section>
-        <h3>Evidence</h3>
+        <h3>{t("Evidence")}</h3>
         <table class="plain">
           <tbody>
             {event.evidence.map((each) => (
               <tr key={each.uid}>
                 <th scope="row">
                   {SOURCES[each.source] ?? titleOf(each.source)}
-                  {each.variable && <span class="soft"> ({each.variable} of the rule)</span>}
+                  {each.variable && <span class="soft"> {say("({0} of the rule)", each.variable)}</span>}
                 </th>
                 <td>
                   <Moment app={app} stamp={each.stamp} />
@@ -70,21 +75,27 @@ export function EventDetails({ event, app }: { event: EventDocument; app: App })
         </table>
       </section>
       <Why event={event} app={app} />
+      <TellMe key={event.event_id} event={event} app={app} />
     </>
   );
 }
 
+const VERDICTS: Readonly<Record<string, string>> = {
+  confirmed: t("confirmed"),
+  amended: t("amended"),
+  retracted: t("retracted"),
+};
 const CAUSES = {
-  moved: "it moved",
-  appeared: "it was first seen",
-  disappeared: "it was lost",
-  map: "the map was edited",
+  moved: t("it moved"),
+  appeared: t("it was first seen"),
+  disappeared: t("it was lost"),
+  map: t("the map was edited"),
 };
 const SOURCES: Readonly<Record<string, string>> = {
-  relation: "Somebody came or went",
-  object_state: "A door or another object changed its state",
-  map: "The map was edited",
-  event: "Another event",
+  relation: t("Somebody came or went"),
+  object_state: t("A door or another object changed its state"),
+  map: t("The map was edited"),
+  event: t("Another event"),
 };
 
 /** The explanation of the rule as it stands now, which is not asked for by itself: it runs the rule again. */
@@ -100,7 +111,7 @@ function Why({ event, app }: { event: EventDocument; app: App }) {
         "rules",
       );
       const rule = rules.find((each) => each.name === event.rule);
-      if (!rule) throw new Error(`The rule ${event.rule} is no longer there.`);
+      if (!rule) throw new Error(t("The rule {0} is no longer there.", event.rule));
       const keys = Object.entries(event.key).map(
         ([name, value]) => `&key=${encodeURIComponent(`${name}=${String(value)}`)}`,
       );
@@ -114,7 +125,7 @@ function Why({ event, app }: { event: EventDocument; app: App }) {
     <section class="stack">
       <div class="row">
         <button id="why" onClick={() => void ask()} disabled={reading?.state === "loading"}>
-          Why did it fire?
+          {t("Why did it fire?")}
         </button>
         <button
           onClick={() => {
@@ -122,10 +133,10 @@ function Why({ event, app }: { event: EventDocument; app: App }) {
             app.state.tab.value = "rules";
           }}
         >
-          The rule
+          {t("The rule")}
         </button>
       </div>
-      {reading?.state === "loading" && <p class="soft">Running the rule over that time …</p>}
+      {reading?.state === "loading" && <p class="soft">{t("Running the rule over that time …")}</p>}
       {reading?.state === "failed" && <Failed problem={reading.problem} />}
       {reading?.state === "there" && (
         <pre class="why" tabIndex={0}>

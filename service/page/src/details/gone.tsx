@@ -6,6 +6,7 @@ import { Roving } from "../panel/roving";
 import { momentText } from "../timeline/clock";
 import { Failed, TrackLink } from "./parts";
 import { useReading } from "./reading";
+import { say } from "../language/catalogue";
 
 const MOST = 50;
 
@@ -21,14 +22,12 @@ export function Gone({ app, wanted, present }: { app: App; wanted: string; prese
   if (gone.length === 0) return null;
   return (
     <section>
-      <h3>
-        Who was here <span class="soft">{gone.length}</span>
-      </h3>
+      <h3>{say("Who was here {0}", <span class="soft">{gone.length}</span>)}</h3>
       <Roving class="list">
         {gone.map((each) => (
           <li key={each.id}>
             <TrackLink app={app} id={each.id} name={each.name} />
-            <span class="soft number">last seen {momentText(Date.parse(each.state!.stamp))}</span>
+            <span class="soft number">{say("last seen {0}", momentText(Date.parse(each.state!.stamp)))}</span>
           </li>
         ))}
       </Roving>

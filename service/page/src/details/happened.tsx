@@ -10,6 +10,7 @@ import { momentText } from "../timeline/clock";
 import { sentenceOf } from "../words";
 import { Failed } from "./parts";
 import { useReading } from "./reading";
+import { t } from "../language/catalogue";
 
 const MOST = 5;
 
@@ -27,18 +28,18 @@ export function Happened({ app, wanted }: { app: App; wanted: string }) {
   };
   return (
     <section>
-      <h3>What happened</h3>
+      <h3>{t("What happened")}</h3>
       <Roving class="list" isOrdered>
         {events.map((each) => (
           <li key={each.event_id}>
-            <button class="link" dir="auto" onClick={() => openEvent(app, each)}>
+            <button class="link" onClick={() => openEvent(app, each)}>
               {sentenceOf(each, app.state.map.value)}
             </button>
             <span class="soft number">{momentText(Date.parse(each.stamp))}</span>
           </li>
         ))}
       </Roving>
-      {next !== null && <button onClick={showAll}>All of these events</button>}
+      {next !== null && <button onClick={showAll}>{t("All of these events")}</button>}
     </section>
   );
 }

@@ -6,14 +6,15 @@ import type { App } from "../app";
 import { areaOf } from "../map/shape";
 import type { Showing } from "../showing";
 import { Facts, Failed, InstanceLink, Moment, TrackLink, Unread } from "./parts";
-import { propertyOf } from "../words";
+import { doorState, propertyOf } from "../words";
 import { useReading } from "./reading";
 import { RoomUse } from "./room_use";
+import { fixed, say, t } from "../language/catalogue";
 
 export function InstanceDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   const map = app.state.map.value;
   const thing = map?.byId.get(id);
-  if (!map || !thing) return <p class="soft">It is no longer on the map.</p>;
+  if (!map || !thing) return <p class="soft">{t("It is no longer on the map.")}</p>;
   const world = app.state.isLive.value ? showing.now : showing.then;
   void showing.beat.value;
   const door = world.doors.get(id);
@@ -35,11 +36,8 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
       {door && (
         <Facts
           facts={[
-            [
-              "State",
-              <b class={`door-state ${door.state}`}>{door.state === "unknown" ? "not known" : door.state}</b>,
-            ],
-            ["Since", door.since && <Moment app={app} stamp={door.since} />],
+            [t("State"), <b class={`door-state ${door.state}`}>{doorState(door.state)}</b>],
+            [t("Since"), door.since && <Moment app={app} stamp={door.since} />],
           ]}
         />
       )}
@@ -47,13 +45,13 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
       {thing.kind === "room" && <RoomUse id={id} app={app} />}
       <Facts
         facts={[
-          ["Area", area > 0 && `${area.toFixed(1)} m²`],
+          [t("Area"), area > 0 && `${fixed(area, 1)} m²`],
           [
-            "Heights",
-            thing.zMax_m !== null && `${thing.zMin_m.toFixed(2)} m to ${thing.zMax_m.toFixed(2)} m`,
+            t("Heights"),
+            thing.zMax_m !== null && t("{0} m to {1} m", fixed(thing.zMin_m, 2), fixed(thing.zMax_m, 2)),
           ],
           [
-            thing.kind === "door" ? "Joins" : "Doors",
+            thing.kind === "door" ? t("Joins") : t("Doors"),
             joined.length > 0 &&
               joined.map((each) => (
                 <InstanceLink key={each.id} app={app} id={each.id} name={each.alias ?? each.name} />
@@ -63,12 +61,12 @@ export function InstanceDetails({ id, app, showing }: { id: number; app: App; sh
       />
       {Object.keys(thing.attributes).length > 0 && (
         <section>
-          <h3>Attributes</h3>
+          <h3>{t("Attributes")}</h3>
           <Facts facts={Object.entries(thing.attributes).map(([name, value]) => propertyOf(name, value))} />
         </section>
       )}
       <div class="row">
-        <button onClick={() => (app.state.tab.value = "edit")}>Edit</button>
+        <button onClick={() => (app.state.tab.value = "edit")}>{t("Edit")}</button>
       </div>
     </>
   );
@@ -84,14 +82,16 @@ function InRoom({ id, app, showing }: { id: number; app: App; showing: Showing }
   if (!app.state.isKnown.value)
     return (
       <section>
-        <h3>In it{isLive ? " now" : " then"}</h3>
+        <h3>{isLive ? t("In it now") : t("In it then")}</h3>
         <Unread app={app} />
       </section>
     );
   return (
     <section>
       <h3>
-        {count === 0 ? "Nobody" : count === 1 ? "One" : count} in it{isLive ? " now" : " then"}
+        {isLive
+          ? t("{0} in it now", count === 0 ? t("Nobody") : count === 1 ? t("One") : count)
+          : t("{0} in it then", count === 0 ? t("Nobody") : count === 1 ? t("One") : count)}
       </h3>
       {isLive && reading.state === "failed" && <Failed problem={reading.problem} />}
       <table class="plain">
@@ -102,9 +102,7 @@ function InRoom({ id, app, showing }: { id: number; app: App; showing: Showing }
                   <td>
                     <TrackLink app={app} id={track_id} name={name} />
                   </td>
-                  <td>
-                    since <Moment app={app} stamp={since} />
-                  </td>
+                  <td>{say("since {0}", <Moment app={app} stamp={since} />)}</td>
                 </tr>
               ))
             : !isLive &&

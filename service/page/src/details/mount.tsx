@@ -10,6 +10,7 @@ import { Contents } from "./contents";
 import { EventDetails } from "./event_details";
 import { InstanceDetails } from "./instance_details";
 import { TrackDetails } from "./track_details";
+import { t } from "../language/catalogue";
 
 export function mount(element: HTMLElement, app: App, showing: Showing): void {
   render(<Details app={app} showing={showing} />, element);
@@ -17,13 +18,13 @@ export function mount(element: HTMLElement, app: App, showing: Showing): void {
 
 function Details({ app, showing }: { app: App; showing: Showing }) {
   const selection = app.state.selection.value;
-  if (app.state.map.value === null) return <p class="soft">No map is shown.</p>;
+  if (app.state.map.value === null) return <p class="soft">{t("No map is shown.")}</p>;
   if (selection === null) return <Contents app={app} showing={showing} />;
   return (
     <div class="stack">
       <div>
         <button class="plain back" onClick={() => (app.state.selection.value = null)}>
-          ← all that is on the map
+          {t("← all that is on the map")}
         </button>
       </div>
       {selection.kind === "instance" && (

@@ -7,6 +7,7 @@ import type { App } from "../app";
 import { trackColourName } from "../scene/colours";
 import { nameIn } from "../words";
 import { durationText, momentText } from "../timeline/clock";
+import { say, t } from "../language/catalogue";
 
 const LEAST_AGO_MS = 50;
 
@@ -34,10 +35,10 @@ export function Moment({ app, stamp, isPlain = false }: { app: App; stamp: strin
   const shown = app.state.at.value ?? app.state.newest.value;
   const ago = shown === null ? null : shown - at;
   return (
-    <button class="link number" title="Show this moment" onClick={() => app.moveTo(at)}>
+    <button class="link number" title={t("Show this moment")} onClick={() => app.moveTo(at)}>
       {momentText(at)}
       {!isPlain && ago !== null && ago >= LEAST_AGO_MS && (
-        <span class="soft ago"> {durationText(ago)} ago</span>
+        <span class="soft ago"> {say("{0} ago", durationText(ago))}</span>
       )}
     </button>
   );
@@ -72,7 +73,7 @@ export function Failed({ problem }: { problem: Problem }) {
 export function Unread({ app }: { app: App }) {
   return (
     <p class="note unread">
-      {app.state.unread.value === null ? "Being read …" : "Not known: it could not be read."}
+      {app.state.unread.value === null ? t("Being read …") : t("Not known: it could not be read.")}
     </p>
   );
 }

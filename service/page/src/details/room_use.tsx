@@ -7,11 +7,12 @@ import { path } from "../api";
 import type { App } from "../app";
 import { csvOf, saveCsv } from "../panel/csv";
 import { Roving } from "../panel/roving";
-import { dateText, durationText, stampText, timeText, zone } from "../timeline/clock";
+import { dateText, dayText, durationText, stampText, timeText, zone } from "../timeline/clock";
 import { dayOf, monthOf } from "../timeline/day";
 import { DayChoice } from "./day_choice";
 import { Facts, Failed, Moment, TrackLink } from "./parts";
 import { useReading } from "./reading";
+import { fixed, say, t } from "../language/catalogue";
 
 const S = 1000;
 const EACH = { day: "hour", month: "day" } as const;
@@ -41,18 +42,20 @@ export function RoomUse({ id, app }: { id: number; app: App }) {
   );
   if (shown === null) return null;
   return (
-    <section aria-label="Use" class="stack">
-      <h3>Over the {length}</h3>
-      <div class="row" role="group" aria-label="Shown">
+    <section aria-label={t("Use")} class="stack">
+      <h3>{length === "day" ? t("Over the day") : t("Over the month")}</h3>
+      <div class="row" role="group" aria-label={t("Shown")}>
         {(["day", "month"] as const).map((each) => (
           <button key={each} aria-pressed={each === length} onClick={() => setLength(each)}>
-            {each === "day" ? "Day" : "Month"}
+            {each === "day" ? t("Day") : t("Month")}
           </button>
         ))}
       </div>
       <DayChoice app={app} shown={shown} />
       {reading.state === "failed" && <Failed problem={reading.problem} />}
-      {reading.state === "loading" && <p class="soft">Reading this {length} …</p>}
+      {reading.state === "loading" && (
+        <p class="soft">{length === "day" ? t("Reading this day …") : t("Reading this month …")}</p>
+      )}
       {reading.state === "there" && <Use app={app} use={reading.value} length={length} />}
     </section>
   );
@@ -60,7 +63,7 @@ export function RoomUse({ id, app }: { id: number; app: App }) {
 
 function Use({ app, use, length }: { app: App; use: OccupancyDocument; length: Length }) {
   const most = Math.max(...use.spans.map((each) => each.peak));
-  if (most === 0) return <p class="soft">Nobody was in it.</p>;
+  if (most === 0) return <p class="soft">{t("Nobody was in it.")}</p>;
   const peak = use.spans.find((each) => each.peak === most)!;
   // What is to come is no time without people.
   const known = Math.max(Date.now(), app.state.newest.value ?? 0);
@@ -72,42 +75,43 @@ function Use({ app, use, length }: { app: App; use: OccupancyDocument; length: L
       <Bars app={app} use={use} most={most} length={length} />
       <Facts
         facts={[
-          ["Most", <PeakLink app={app} most={most} at={peak.peak_at!} />],
-          ["On average", mean.toFixed(mean < 10 ? 2 : 0)],
-          ["People", String(use.tracks)],
+          [t("Most"), <PeakLink app={app} most={most} at={peak.peak_at!} />],
+          [t("On average"), fixed(mean, mean < 10 ? 2 : 0)],
+          [t("People"), String(use.tracks)],
           [
-            "Stays",
-            `${use.stays}, half of them up to ${durationText(S * use.median_s!)}, the longest ${durationText(S * use.longest_s!)}`,
+            t("Stays"),
+            t(
+              "{0}, half of them up to {1}, the longest {2}",
+              use.stays,
+              durationText(S * use.median_s!),
+              durationText(S * use.longest_s!),
+            ),
           ],
         ]}
       />
-      <section aria-label="Who was in it">
-        <h4>Who was in it longest</h4>
+      <section aria-label={t("Who was in it")}>
+        <h4>{t("Who was in it longest")}</h4>
         <Roving class="list" isOrdered>
           {use.visitors.map((each) => (
             <li key={each.track_id}>
               <TrackLink app={app} id={each.track_id} name={each.name} />
               <span class="soft number">
                 {durationText(S * each.total_s)}
-                {each.stays > 1 && `, ${each.stays} times`}
+                {each.stays > 1 && t(", {0} times", each.stays)}
               </span>
             </li>
           ))}
         </Roving>
       </section>
       <div class="row">
-        <button onClick={() => save(use)}>Save as CSV</button>
+        <button onClick={() => save(use)}>{t("Save as CSV")}</button>
       </div>
     </>
   );
 }
 
 function PeakLink({ app, most, at }: { app: App; most: number; at: string }) {
-  return (
-    <>
-      {most} from <Moment app={app} stamp={at} />
-    </>
-  );
+  return <>{say("{0} from {1}", most, <Moment app={app} stamp={at} />)}</>;
 }
 
 /** A bar for each hour or day: the average is filled, the most is a line above it. A click shows when there were most. */
@@ -144,14 +148,14 @@ function Bars({
         <span>{whenText(spans.at(-1)!, length)}</span>
       </div>
       <details>
-        <summary>{length === "day" ? "Hour by hour" : "Day by day"}</summary>
+        <summary>{length === "day" ? t("Hour by hour") : t("Day by day")}</summary>
         <table class="plain">
           <thead>
             <tr>
-              <th>{length === "day" ? "From" : "Day"}</th>
-              <th>Average</th>
-              <th>Most</th>
-              <th>People</th>
+              <th>{length === "day" ? t("From") : t("Day")}</th>
+              <th>{t("Average")}</th>
+              <th>{t("Most")}</th>
+              <th>{t("People")}</th>
             </tr>
           </thead>
           <tbody>
@@ -160,7 +164,7 @@ function Bars({
               .map((each) => (
                 <tr key={each.since}>
                   <td>{whenText(each, length)}</td>
-                  <td class="number">{each.mean.toFixed(2)}</td>
+                  <td class="number">{fixed(each.mean, 2)}</td>
                   <td class="number">{each.peak}</td>
                   <td class="number">{each.tracks}</td>
                 </tr>
@@ -181,8 +185,14 @@ function whenText(span: OccupancySpan, length: Length): string {
 
 function textOf(span: OccupancySpan, length: Length): string {
   const when = whenText(span, length);
-  if (span.peak === 0) return `${when}: nobody`;
-  return `${when}: ${span.mean.toFixed(2)} on average, at most ${span.peak}, ${span.tracks} different`;
+  if (span.peak === 0) return t("{0}: nobody", when);
+  return t(
+    "{0}: {1} on average, at most {2}, {3} different",
+    when,
+    fixed(span.mean, 2),
+    span.peak,
+    span.tracks,
+  );
 }
 
 function lengthOf(span: OccupancySpan): number {
@@ -200,5 +210,5 @@ function save(use: OccupancyDocument): void {
     each.tracks,
   ]);
   const head = ["since", "until", "mean", "peak", "peak_at", "tracks"];
-  saveCsv(`${use.name}_${dateText(Date.parse(use.spans[0]!.since))}`, csvOf(head, rows));
+  saveCsv(`${use.name}_${dayText(Date.parse(use.spans[0]!.since))}`, csvOf(head, rows));
 }

@@ -8,6 +8,7 @@ import type { Showing } from "../showing";
 import { DayOf } from "./day";
 import { Facts, Failed, InstanceLink, Moment, nameOf, Unread } from "./parts";
 import { useReading } from "./reading";
+import { fixed, say, t } from "../language/catalogue";
 
 export function TrackDetails({ id, app, showing }: { id: number; app: App; showing: Showing }) {
   void showing.beat.value;
@@ -22,7 +23,7 @@ export function TrackDetails({ id, app, showing }: { id: number; app: App; showi
     return reading.state === "failed" ? (
       <Failed problem={reading.problem} />
     ) : (
-      <p class="soft">Reading who that is …</p>
+      <p class="soft">{t("Reading who that is …")}</p>
     );
   return (
     <>
@@ -48,22 +49,22 @@ export function TrackDetails({ id, app, showing }: { id: number; app: App; showi
 function Gone({ app }: { app: App }) {
   const { isLive, isKnown } = app.state;
   if (!isKnown.value) return <Unread app={app} />;
-  return <p class="soft">{isLive.value ? "Has left the map." : "Not on the map at this moment."}</p>;
+  return <p class="soft">{isLive.value ? t("Has left the map.") : t("Not on the map at this moment.")}</p>;
 }
 
 function LastSeen({ app, state }: { app: App; state: Pick<TrackStateDocument, "stamp" | "x_m" | "y_m"> }) {
   return (
     <Facts
       facts={[
-        ["Last seen", <Moment app={app} stamp={state.stamp} />],
-        ["At", <Place state={state} />],
+        [t("Last seen"), <Moment app={app} stamp={state.stamp} />],
+        [t("At"), <Place state={state} />],
       ]}
     />
   );
 }
 
 function Place({ state: { x_m, y_m } }: { state: { x_m: number; y_m: number } }) {
-  return <span class="number">{`x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m`}</span>;
+  return <span class="number">{`x ${fixed(x_m, 2)} m, y ${fixed(y_m, 2)} m`}</span>;
 }
 
 function Present({ id, app, state }: { id: number; app: App; state: TrackState }) {
@@ -77,34 +78,36 @@ function Present({ id, app, state }: { id: number; app: App; state: TrackState }
     <>
       <Facts
         facts={[
-          ["Seen", <Moment app={app} stamp={state.stamp} />],
-          ["At", <Place state={state} />],
+          [t("Seen"), <Moment app={app} stamp={state.stamp} />],
+          [t("At"), <Place state={state} />],
           [
-            "Accuracy",
+            t("Accuracy"),
             isKnown && (
-              <span class="number">{`within ${ellipse.a_m.toFixed(2)} m × ${ellipse.b_m.toFixed(2)} m, 95 % sure`}</span>
+              <span class="number">
+                {t("within {0} m × {1} m, 95 % sure", fixed(ellipse.a_m, 2), fixed(ellipse.b_m, 2))}
+              </span>
             ),
           ],
           [
-            "Speed",
-            state.speed_mps !== null && <span class="number">{`${state.speed_mps.toFixed(2)} m/s`}</span>,
+            t("Speed"),
+            state.speed_mps !== null && <span class="number">{`${fixed(state.speed_mps, 2)} m/s`}</span>,
           ],
           [
-            "Heading",
+            t("Heading"),
             state.heading_rad !== null && (
-              <span class="number">{`${((state.heading_rad * 180) / Math.PI).toFixed(0)}°`}</span>
+              <span class="number">{`${fixed((state.heading_rad * 180) / Math.PI, 0)}°`}</span>
             ),
           ],
           [
-            "Extent",
+            t("Extent"),
             state.length_m !== null &&
               state.width_m !== null &&
-              `${state.length_m.toFixed(2)} m × ${state.width_m.toFixed(2)} m`,
+              `${fixed(state.length_m, 2)} m × ${fixed(state.width_m, 2)} m`,
           ],
         ]}
       />
       <section>
-        <h3>Is in</h3>
+        <h3>{t("Is in")}</h3>
         {reading.state === "failed" && isLive && <Failed problem={reading.problem} />}
         <table class="plain">
           <tbody>
@@ -116,9 +119,7 @@ function Present({ id, app, state }: { id: number; app: App; state: TrackState }
                         <td>
                           <InstanceLink app={app} id={room} name={nameOf(app, room, instance)} />
                         </td>
-                        <td>
-                          since <Moment app={app} stamp={since} />
-                        </td>
+                        <td>{say("since {0}", <Moment app={app} stamp={since} />)}</td>
                       </tr>
                     ),
                 )

@@ -3,6 +3,7 @@ import { useState } from "preact/hooks";
 import type { Point } from "../map/model";
 import type { Editing } from "./editing";
 import { metres } from "./outline";
+import { t } from "../language/catalogue";
 
 /** The corners of what is drawn, as numbers: for exactness, and for those who do not use the pointer. */
 export function Corners({ editing }: { editing: Editing }) {
@@ -10,15 +11,19 @@ export function Corners({ editing }: { editing: Editing }) {
   const rings = draft?.kind === "room" ? [draft.corners] : draft?.kind === "shape" ? draft.rings : [];
   return (
     <details class="corners">
-      <summary>Corners in metres</summary>
+      <summary>{t("Corners in metres")}</summary>
       {rings.map((corners, ring) => (
-        <table key={ring} class="corners" aria-label={ring === 0 ? "Corners" : `Corners of hole ${ring}`}>
+        <table
+          key={ring}
+          class="corners"
+          aria-label={ring === 0 ? t("Corners") : t("Corners of hole {0}", ring)}
+        >
           <thead>
             <tr>
               <th scope="col">x</th>
               <th scope="col">y</th>
               <th scope="col">
-                <span class="visually-hidden">Remove</span>
+                <span class="visually-hidden">{t("Remove")}</span>
               </th>
             </tr>
           </thead>
@@ -34,7 +39,7 @@ export function Corners({ editing }: { editing: Editing }) {
           type="button"
           onClick={() => editing.setRing(0, [...draft.corners, draft.corners.at(-1) ?? [0, 0]])}
         >
-          Add a corner
+          {t("Add a corner")}
         </button>
       )}
     </details>
@@ -62,7 +67,7 @@ function Corner({ editing, ring, corners, index, corner }: CornerProps) {
       {([0, 1] as const).map((axis) => (
         <td key={axis}>
           <Metres
-            label={`${axis === 0 ? "x" : "y"} of corner ${index + 1}`}
+            label={t("{0} of corner {1}", axis === 0 ? "x" : "y", index + 1)}
             value={corner[axis]}
             set={(value) => set(axis, value)}
           />
@@ -72,7 +77,7 @@ function Corner({ editing, ring, corners, index, corner }: CornerProps) {
         <button
           type="button"
           class="plain icon"
-          aria-label={`Remove corner ${index + 1}`}
+          aria-label={t("Remove corner {0}", index + 1)}
           onClick={() => editing.removeCorner(ring, index)}
         >
           ×

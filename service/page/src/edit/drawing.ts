@@ -10,6 +10,7 @@ import { Editing, type Draft, type Surroundings } from "./editing";
 import { outlinesOf, polygonOf } from "./outline";
 import { gridFor } from "./snapping";
 import { changeInstance, createInstance, movedBy, poseOf, readInstance } from "./writes";
+import { t } from "../language/catalogue";
 
 /** What is asked of a new room or door beside its shape. */
 export interface Naming {
@@ -63,7 +64,7 @@ export class Drawing {
     if (draft === null) return;
     this.stop();
     this.away = draft;
-    this.app.announce("The drawing waits in the panel Edit.");
+    this.app.announce(t("The drawing waits in the panel Edit."));
   }
 
   takeUp(): void {
@@ -125,7 +126,7 @@ export class Drawing {
       this.stop();
       await this.app.reloadMap();
       this.app.state.selection.value = { kind: "instance", id };
-      this.app.announce(`${made.name} is on the map.`);
+      this.app.announce(t("{0} is on the map.", made.name));
     });
   }
 
@@ -150,7 +151,7 @@ export class Drawing {
       }
       this.stop();
       await this.app.reloadMap();
-      this.app.announce(`${thing.name} has its new place.`);
+      this.app.announce(t("{0} has its new place.", thing.name));
     });
   }
 

@@ -11,6 +11,7 @@ import { doorwayAt, roomsBeside, type Doorway } from "./doorway";
 import { faultOf } from "./outline";
 import { distance, nearestOn } from "./plane";
 import { gridFor, snap, type Snapped } from "./snapping";
+import { t } from "../language/catalogue";
 
 export type Draft =
   | { kind: "room"; corners: readonly Point[]; isClosed: boolean }
@@ -291,7 +292,7 @@ function faultIn(draft: Draft | null): string | null {
     case "shape":
       return draft.rings.map(faultOf).find((fault) => fault !== null) ?? null;
     case "door":
-      return draft.isPlaced ? null : "Place it in a wall.";
+      return draft.isPlaced ? null : t("Place it in a wall.");
     default:
       return null;
   }

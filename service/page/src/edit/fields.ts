@@ -1,6 +1,7 @@
 /** An instance as a form shows it: texts, and the changes that differ from what was read. */
 
 import type { InstanceChanges, InstanceDocument } from "../documents";
+import { t } from "../language/catalogue";
 
 export interface Fields {
   name: string;
@@ -16,14 +17,14 @@ export interface Fields {
 export type Edits = Partial<Fields>;
 
 export const LABELS: Readonly<Record<keyof Fields, string>> = {
-  name: "Name",
-  alias: "Alias",
-  concept: "Concept",
-  storey: "Storey",
-  elevation_m: "Floor at [m]",
-  height_m: "Height [m]",
-  joins: "Joins the rooms",
-  leaf: "Leaf",
+  name: t("Name"),
+  alias: t("Alias"),
+  concept: t("Concept"),
+  storey: t("Storey"),
+  elevation_m: t("Floor at [m]"),
+  height_m: t("Height [m]"),
+  joins: t("Joins the rooms"),
+  leaf: t("Leaf"),
 };
 
 export function fieldsOf({
@@ -79,10 +80,11 @@ export function overtaken(edits: Edits, before: InstanceDocument, now: InstanceD
 /** What is wrong with what was typed, by field. */
 export function faultsIn(edits: Edits): Partial<Record<keyof Fields, string>> {
   const faults: Partial<Record<keyof Fields, string>> = {};
-  if (edits.name !== undefined && edits.name.trim() === "") faults.name = "A name is needed.";
-  if (edits.height_m?.trim() && !(Number(edits.height_m) > 0)) faults.height_m = "Write metres above zero.";
+  if (edits.name !== undefined && edits.name.trim() === "") faults.name = t("A name is needed.");
+  if (edits.height_m?.trim() && !(Number(edits.height_m) > 0))
+    faults.height_m = t("Write metres above zero.");
   if (edits.elevation_m?.trim() && !Number.isFinite(Number(edits.elevation_m)))
-    faults.elevation_m = "Write metres.";
+    faults.elevation_m = t("Write metres.");
   return faults;
 }
 

@@ -12,6 +12,7 @@ import type { ConceptChoice } from "./concepts";
 import { isConflict, type Drawing } from "./drawing";
 import { changesOf, faultsIn, fieldsOf, LABELS, overtaken, type Edits, type Fields } from "./fields";
 import { changeInstance, deleteInstance, readInstance, type Carried } from "./writes";
+import { say, t } from "../language/catalogue";
 
 interface InstanceFormProps {
   app: App;
@@ -34,9 +35,9 @@ export function InstanceForm({ app, drawing, id, concepts, isUndoing }: Instance
     [id],
     isWanted,
   );
-  if (isGone) return <p class="soft">It is no longer on the map.</p>;
+  if (isGone) return <p class="soft">{t("It is no longer on the map.")}</p>;
   if (value === null) {
-    return problem ? <ProblemNote problem={problem} retry={reload} /> : <p class="soft">Loading…</p>;
+    return problem ? <ProblemNote problem={problem} retry={reload} /> : <p class="soft">{t("Loading…")}</p>;
   }
   return (
     <Loaded
@@ -97,7 +98,7 @@ function Loaded({ app, drawing, read, thing, storeys, concepts, reload }: Loaded
       await changeInstance(app.api, instance.id, changes, read.etag, message);
       setEdits({});
       setRefused(null);
-      app.announce(`${fields.name.trim()} is changed.`);
+      app.announce(t("{0} is changed.", fields.name.trim()));
       await app.reloadMap();
     } catch (error) {
       if (isConflict(error)) {
@@ -114,7 +115,7 @@ function Loaded({ app, drawing, read, thing, storeys, concepts, reload }: Loaded
   return (
     <form
       class="stack"
-      aria-label={`Edit ${instance.name}`}
+      aria-label={t("Edit {0}", instance.name)}
       onSubmit={(event) => {
         event.preventDefault();
         void send();
@@ -141,7 +142,7 @@ function Loaded({ app, drawing, read, thing, storeys, concepts, reload }: Loaded
         <label class="field">
           <span>{LABELS.storey}</span>
           <select value={fields.storey} onChange={(event) => set("storey", event.currentTarget.value)}>
-            <option value="">none</option>
+            <option value="">{t("none")}</option>
             {storeys.map(({ name }) => (
               <option key={name} value={name}>
                 {name}
@@ -164,11 +165,11 @@ function Loaded({ app, drawing, read, thing, storeys, concepts, reload }: Loaded
           class="primary"
           disabled={!hasChanges || isSending || Object.keys(faults).length > 0}
         >
-          Save
+          {t("Save")}
         </button>
         {hasChanges && (
           <button type="button" onClick={() => setEdits({})}>
-            Discard
+            {t("Discard")}
           </button>
         )}
         <span class="grow" />
@@ -178,11 +179,11 @@ function Loaded({ app, drawing, read, thing, storeys, concepts, reload }: Loaded
             title="M"
             onClick={() => drawing.change(thing).catch((error: unknown) => setProblem(problemOf(error)))}
           >
-            Move or reshape
+            {t("Move or reshape")}
           </button>
         )}
         <button type="button" class="danger" onClick={() => void remove(app, read, setProblem)}>
-          Delete
+          {t("Delete")}
         </button>
       </div>
     </form>
@@ -218,7 +219,13 @@ function Text({ name, fields, faults, set, hint }: TextProps) {
 function DoorFields({ fields, faults, set }: Omit<TextProps, "name">) {
   return (
     <>
-      <Text name="joins" fields={fields} faults={faults} set={set} hint="Their names, with commas between." />
+      <Text
+        name="joins"
+        fields={fields}
+        faults={faults}
+        set={set}
+        hint={t("Their names, with commas between.")}
+      />
       <LeafSelect value={fields.leaf} set={(value) => set("leaf", value)} />
     </>
   );
@@ -230,9 +237,9 @@ export function LeafSelect({ value, set }: { value: string; set: (value: string)
     <label class="field">
       <span>{LABELS.leaf}</span>
       <select value={value} onChange={(event) => set(event.currentTarget.value)}>
-        <option value="">none: an opening</option>
-        <option value="left">hinge on the left</option>
-        <option value="right">hinge on the right</option>
+        <option value="">{t("none: an opening")}</option>
+        <option value="left">{t("hinge on the left")}</option>
+        <option value="right">{t("hinge on the right")}</option>
       </select>
     </label>
   );
@@ -271,22 +278,22 @@ function Conflict({ refused, now, again, leave }: ConflictProps) {
   return (
     <div class="note warn stack" role="alert">
       <p>
-        <strong>Somebody else changed it meanwhile.</strong> The form shows what it is now; yours was not
-        saved:
+        {say(
+          "{0} The form shows what it is now; yours was not saved:",
+          <strong>{t("Somebody else changed it meanwhile.")}</strong>,
+        )}
       </p>
       <ul>
         {keys.map((key) => (
-          <li key={key}>
-            {LABELS[key]}: yours “{refused[key]}”, now “{now[key]}”
-          </li>
+          <li key={key}>{say("{0}: yours “{1}”, now “{2}”", LABELS[key], refused[key], now[key])}</li>
         ))}
       </ul>
       <p class="row">
         <button type="button" onClick={again}>
-          Put mine in again
+          {t("Put mine in again")}
         </button>
         <button type="button" class="plain" onClick={leave}>
-          Leave it
+          {t("Leave it")}
         </button>
       </p>
     </div>
@@ -301,9 +308,9 @@ export async function remove(
 ): Promise<void> {
   const { name } = read.body;
   const chosen = await ask({
-    title: `Delete ${name}?`,
-    text: "Who is in it counts as having left. You can undo this.",
-    choices: [{ value: "refuse" as Carried, label: "Delete", isDanger: true }],
+    title: t("Delete {0}?", name),
+    text: t("Who is in it counts as having left. You can undo this."),
+    choices: [{ value: "refuse" as Carried, label: t("Delete"), isDanger: true }],
   });
   if (chosen !== null) await removeWith(app, read, chosen, tell);
 }
@@ -318,7 +325,7 @@ async function removeWith(
   try {
     await deleteInstance(app.api, read.body, read.etag, carried);
     app.state.selection.value = null;
-    app.announce(`${read.body.name} is deleted.`);
+    app.announce(t("{0} is deleted.", read.body.name));
     await app.reloadMap();
   } catch (error) {
     isDeleting.value = false;
@@ -328,11 +335,11 @@ async function removeWith(
       return tell(problem);
     }
     const chosen = await ask<Carried>({
-      title: `Things stand on ${read.body.name}`,
+      title: t("Things stand on {0}", read.body.name),
       text: problem.detail,
       choices: [
-        { value: "keep", label: "Keep them in their place" },
-        { value: "delete", label: "Delete them too", isDanger: true },
+        { value: "keep", label: t("Keep them in their place") },
+        { value: "delete", label: t("Delete them too"), isDanger: true },
       ],
     });
     if (chosen !== null) await removeWith(app, read, chosen, tell);

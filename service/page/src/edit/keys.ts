@@ -2,18 +2,19 @@
 
 import type { App } from "../app";
 import type { Point } from "../map/model";
+import { t } from "../language/catalogue";
 
 /** For the list of keys that `?` shows. */
 export const EDIT_KEYS: readonly [string[], string][] = [
-  [["R"], "Draw a room"],
-  [["O"], "Draw a door"],
-  [["M"], "Move or reshape what is selected"],
-  [["Delete"], "Delete what is selected"],
-  [["Ctrl Z"], "Undo your last change of the map"],
-  [["Ctrl Shift Z"], "Do it again"],
-  [["←", "→", "↑", "↓"], "While drawing: the crosshair; with Shift further"],
-  [["Enter"], "While drawing: place a corner, or close the outline"],
-  [["Backspace"], "While drawing: take the last corner back"],
+  [["R"], t("Draw a room")],
+  [["O"], t("Draw a door")],
+  [["M"], t("Move or reshape what is selected")],
+  [["Delete"], t("Delete what is selected")],
+  [[t("Ctrl Z")], t("Undo your last change of the map")],
+  [[t("Ctrl Shift Z")], t("Do it again")],
+  [["←", "→", "↑", "↓"], t("While drawing: the crosshair; with Shift further")],
+  [["Enter"], t("While drawing: place a corner, or close the outline")],
+  [["Backspace"], t("While drawing: take the last corner back")],
 ];
 
 const ARROWS: Readonly<Record<string, Point>> = {

@@ -8,6 +8,7 @@ import { problemOf } from "../panel/problem";
 import { author } from "./author";
 import { stepsOf } from "./history";
 import { listChanges, undoChange } from "./writes";
+import { t } from "../language/catalogue";
 
 const AT_MOST = 100;
 
@@ -41,8 +42,8 @@ export class Log {
     return this.inTurn(async () => {
       await this.read();
       const { undo } = this.steps.value;
-      if (undo === null) this.app.announce("There is nothing of yours to undo.");
-      else await this.send(undo, `undo: ${nameOf(undo)}`, `Undone: ${nameOf(undo)}.`);
+      if (undo === null) this.app.announce(t("There is nothing of yours to undo."));
+      else await this.send(undo, `undo: ${nameOf(undo)}`, t("Undone: {0}.", nameOf(undo)));
     });
   }
 
@@ -50,16 +51,18 @@ export class Log {
     return this.inTurn(async () => {
       await this.read();
       const { redo } = this.steps.value;
-      if (redo === null) return this.app.announce("There is nothing of yours to do again.");
+      if (redo === null) return this.app.announce(t("There is nothing of yours to do again."));
       const undone = this.changes.value?.find((change) => change.id === redo.undoes);
-      const name = undone === undefined ? `change ${redo.undoes}` : nameOf(undone);
-      await this.send(redo, `again: ${name}`, `Done again: ${name}.`);
+      const name = undone === undefined ? t("change {0}", redo.undoes) : nameOf(undone);
+      await this.send(redo, `again: ${name}`, t("Done again: {0}.", name));
     });
   }
 
   /** Takes any change back; one that something later builds on is refused by the service. */
   takeBack(change: ChangeSummary): Promise<void> {
-    return this.inTurn(() => this.send(change, `undo: ${nameOf(change)}`, `Taken back: ${nameOf(change)}.`));
+    return this.inTurn(() =>
+      this.send(change, `undo: ${nameOf(change)}`, t("Taken back: {0}.", nameOf(change))),
+    );
   }
 
   /** One after the other, so that keys which are pressed fast go back step by step. */
@@ -86,5 +89,5 @@ export class Log {
 
 /** What a change did, in the words of its author, or by its number. */
 export function nameOf(change: ChangeSummary): string {
-  return change.message || `change ${change.id}`;
+  return change.message || t("change {0}", change.id);
 }

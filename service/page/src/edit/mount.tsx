@@ -19,6 +19,7 @@ import { Log, nameOf } from "./log";
 import { ChangedShape, NewThing } from "./naming";
 import { Sketch } from "./sketch";
 import { readInstance } from "./writes";
+import { t } from "../language/catalogue";
 
 /** Puts the panel for editing into its element, its drawing over the map, and listens for its keys. */
 export function mount(element: HTMLElement, app: App): void {
@@ -60,7 +61,7 @@ export function mount(element: HTMLElement, app: App): void {
 
 function Panel({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) {
   const map = app.state.mapName.value;
-  if (map === null) return <p class="soft">There is no map yet. Bring one in under Import.</p>;
+  if (map === null) return <p class="soft">{t("There is no map yet. Bring one in under Import.")}</p>;
   return <OnMap key={map} app={app} drawing={drawing} log={log} />;
 }
 
@@ -72,7 +73,7 @@ function OnMap({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) 
   const isDrawn = draft?.kind === "room" || draft?.kind === "door";
   return (
     <div class="stack">
-      <Guarded app={app} what="Editing">
+      <Guarded app={app} what={t("Editing")}>
         <Toolbar drawing={drawing} log={log} />
         {found.problem && <ProblemNote problem={found.problem} retry={found.reload} />}
         {isDrawn && (
@@ -90,10 +91,12 @@ function OnMap({ app, drawing, log }: { app: App; drawing: Drawing; log: Log }) 
           />
         )}
         {draft === null && selection?.kind !== "instance" && (
-          <p class="soft">Choose a room, a door or a thing on the map to change it, or draw a new one.</p>
+          <p class="soft">
+            {t("Choose a room, a door or a thing on the map to change it, or draw a new one.")}
+          </p>
         )}
         <details open>
-          <summary>Changes of this map</summary>
+          <summary>{t("Changes of this map")}</summary>
           <div class="stack">
             <ChangesList log={log} />
           </div>
@@ -108,19 +111,19 @@ function Toolbar({ drawing, log }: { drawing: Drawing; log: Log }) {
   const kind = drawing.editing.draft.value?.kind;
   const { undo, redo } = log.steps.value;
   return (
-    <div class="row" role="toolbar" aria-label="Editing">
+    <div class="row" role="toolbar" aria-label={t("Editing")}>
       <button type="button" aria-pressed={kind === "room"} title="R" onClick={() => drawing.drawRoom()}>
-        Draw a room
+        {t("Draw a room")}
       </button>
       <button type="button" aria-pressed={kind === "door"} title="O" onClick={() => drawing.drawDoor()}>
-        Draw a door
+        {t("Draw a door")}
       </button>
       <span class="grow" />
       <button
         type="button"
         class="icon"
-        aria-label={undo === null ? "Undo" : `Undo: ${nameOf(undo)}`}
-        title={undo === null ? "Undo (Ctrl+Z)" : `Undo: ${nameOf(undo)} (Ctrl+Z)`}
+        aria-label={undo === null ? t("Undo") : t("Undo: {0}", nameOf(undo))}
+        title={undo === null ? t("Undo (Ctrl+Z)") : t("Undo: {0} (Ctrl+Z)", nameOf(undo))}
         disabled={undo === null || log.isUndoing.value}
         onClick={() => void log.undo()}
       >
@@ -129,8 +132,8 @@ function Toolbar({ drawing, log }: { drawing: Drawing; log: Log }) {
       <button
         type="button"
         class="icon"
-        aria-label="Do again"
-        title="Do again (Ctrl+Shift+Z)"
+        aria-label={t("Do again")}
+        title={t("Do again (Ctrl+Shift+Z)")}
         disabled={redo === null || log.isUndoing.value}
         onClick={() => void log.redo()}
       >
@@ -142,7 +145,7 @@ function Toolbar({ drawing, log }: { drawing: Drawing; log: Log }) {
 
 async function changeSelected(app: App, drawing: Drawing): Promise<void> {
   const thing = drawing.selected();
-  if (thing === null) return app.announce("Select something on the map first.");
+  if (thing === null) return app.announce(t("Select something on the map first."));
   try {
     await drawing.change(thing);
   } catch (error) {

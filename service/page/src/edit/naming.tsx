@@ -10,6 +10,7 @@ import type { Drawing } from "./drawing";
 import type { Draft } from "./editing";
 import { ConceptSelect, LeafSelect } from "./instance_form";
 import { areaOf } from "./plane";
+import { fixed, t } from "../language/catalogue";
 
 const ROOM_HEIGHT_M = 2.7;
 
@@ -48,7 +49,7 @@ export function NewThing({
   return (
     <form
       class="stack"
-      aria-label={`New ${kind.toLowerCase()}`}
+      aria-label={draft.kind === "room" ? t("New room") : t("New door")}
       onSubmit={(event) => {
         event.preventDefault();
         if (isReady) make();
@@ -60,10 +61,10 @@ export function NewThing({
           {!draft.isClosed && (
             <div class="row">
               <button type="button" disabled={editing.fault.value !== null} onClick={() => editing.close()}>
-                Close the outline
+                {t("Close the outline")}
               </button>
               <button type="button" disabled={draft.corners.length === 0} onClick={() => editing.back()}>
-                Take the last corner back
+                {t("Take the last corner back")}
               </button>
             </div>
           )}
@@ -73,17 +74,17 @@ export function NewThing({
         <DoorNumbers drawing={drawing} doorway={draft.doorway} />
       )}
       <label class="field">
-        <span>Name</span>
+        <span>{t("Name")}</span>
         <input value={name} maxLength={200} onInput={(event) => setName(event.currentTarget.value)} />
       </label>
       <label class="field">
-        <span>Concept</span>
+        <span>{t("Concept")}</span>
         <ConceptSelect value={concept} concepts={concepts} set={setConcept} />
       </label>
       {draft.kind === "room" ? (
         <label class="field">
-          <span>Height [m]</span>
-          <Metres label="Height in metres" value={height_m} set={setHeight} min={0.01} />
+          <span>{t("Height [m]")}</span>
+          <Metres label={t("Height in metres")} value={height_m} set={setHeight} min={0.01} />
         </label>
       ) : (
         <LeafSelect value={leaf} set={setLeaf} />
@@ -91,10 +92,10 @@ export function NewThing({
       {problem && <ProblemNote problem={problem} />}
       <div class="row">
         <button type="submit" class="primary" disabled={!isReady || drawing.isSending.value}>
-          Make the {kind.toLowerCase()}
+          {draft.kind === "room" ? t("Make the room") : t("Make the door")}
         </button>
         <button type="button" onClick={() => drawing.stop()}>
-          Cancel
+          {t("Cancel")}
         </button>
       </div>
     </form>
@@ -118,7 +119,7 @@ export function ChangedShape({
   return (
     <form
       class="stack"
-      aria-label={`Move ${draft.thing.name}`}
+      aria-label={t("Move {0}", draft.thing.name)}
       onSubmit={(event) => {
         event.preventDefault();
         if (fault === null) settle();
@@ -127,18 +128,20 @@ export function ChangedShape({
       <h3>{draft.thing.alias ?? draft.thing.name}</h3>
       <p class="soft">
         {draft.kind === "shape"
-          ? "Drag a corner, the middle of a side to add one, or the inside to move all of it. Arrows move it, too."
-          : "Drag it to its new place, or move it with the arrows."}
+          ? t(
+              "Drag a corner, the middle of a side to add one, or the inside to move all of it. Arrows move it, too.",
+            )
+          : t("Drag it to its new place, or move it with the arrows.")}
       </p>
       {fault && <p class="note bad">{fault}</p>}
       {draft.kind === "shape" && <Corners editing={drawing.editing} />}
       {problem && <ProblemNote problem={problem.status === 412 ? overtaken(problem) : problem} />}
       <div class="row">
         <button type="submit" class="primary" disabled={fault !== null || drawing.isSending.value}>
-          Put it there
+          {t("Put it there")}
         </button>
         <button type="button" onClick={() => drawing.stop()}>
-          Cancel
+          {t("Cancel")}
         </button>
       </div>
     </form>
@@ -148,8 +151,8 @@ export function ChangedShape({
 function overtaken(problem: Problem): Problem {
   return {
     ...problem,
-    detail: "Somebody else changed it meanwhile.",
-    remedy: "It is shown as it is now; move it again if it should still go elsewhere.",
+    detail: t("Somebody else changed it meanwhile."),
+    remedy: t("It is shown as it is now; move it again if it should still go elsewhere."),
   };
 }
 
@@ -165,21 +168,23 @@ function Advice({ drawing, draft }: { drawing: Drawing; draft: Draft & { kind: "
 }
 
 function roomAdvice({ corners, isClosed }: Draft & { kind: "room" }, fault: string | null): string {
-  if (isClosed) return `An area of ${Math.abs(areaOf(corners)).toFixed(1)} m². Give it a name.`;
+  if (isClosed) return t("An area of {0} m². Give it a name.", fixed(Math.abs(areaOf(corners)), 1));
   if (corners.length < 3)
-    return "Click the corners one after the other; with Shift sides keep square. Or use the arrows and Enter.";
-  return fault ?? "Click the first corner, or press Enter, to close the outline.";
+    return t(
+      "Click the corners one after the other; with Shift sides keep square. Or use the arrows and Enter.",
+    );
+  return fault ?? t("Click the first corner, or press Enter, to close the outline.");
 }
 
 function doorAdvice({ doorway, isPlaced }: Draft & { kind: "door" }): string {
-  if (doorway === null) return "Point at a wall and click where the door is. Or use the arrows and Enter.";
+  if (doorway === null) return t("Point at a wall and click where the door is. Or use the arrows and Enter.");
   const joins =
     doorway.joins.length === 2
-      ? `between ${doorway.joins.join(" and ")}`
-      : `of ${doorway.joins[0] ?? "no room"}`;
+      ? t("between {0} and {1}", ...doorway.joins)
+      : t("of {0}", doorway.joins[0] ?? t("no room"));
   return isPlaced
-    ? `A door ${joins}, ${doorway.width_m.toFixed(2)} m wide.`
-    : `Click to place it: a door ${joins}.`;
+    ? t("A door {0}, {1} m wide.", joins, fixed(doorway.width_m, 2))
+    : t("Click to place it: a door {0}.", joins);
 }
 
 function DoorNumbers({ drawing: { editing }, doorway }: { drawing: Drawing; doorway: Doorway | null }) {
@@ -194,9 +199,9 @@ function DoorNumbers({ drawing: { editing }, doorway }: { drawing: Drawing; door
   return (
     <>
       <label class="field">
-        <span>Width [m]</span>
+        <span>{t("Width [m]")}</span>
         <Metres
-          label="Width in metres"
+          label={t("Width in metres")}
           value={present.width_m}
           min={0.1}
           set={(width_m) => {
@@ -206,15 +211,15 @@ function DoorNumbers({ drawing: { editing }, doorway }: { drawing: Drawing; door
         />
       </label>
       <details class="corners">
-        <summary>Place in metres</summary>
+        <summary>{t("Place in metres")}</summary>
         <div class="pair">
-          <Metres label="x of the door" value={x} set={(value) => set({ middle: [value, y] })} />
-          <Metres label="y of the door" value={y} set={(value) => set({ middle: [x, value] })} />
+          <Metres label={t("x of the door")} value={x} set={(value) => set({ middle: [value, y] })} />
+          <Metres label={t("y of the door")} value={y} set={(value) => set({ middle: [x, value] })} />
         </div>
         <label class="field">
-          <span>Direction from the x axis [degrees]</span>
+          <span>{t("Direction from the x axis [degrees]")}</span>
           <Metres
-            label="Direction in degrees"
+            label={t("Direction in degrees")}
             value={(present.yaw_rad * 180) / Math.PI}
             set={(degrees) => set({ yaw_rad: (degrees * Math.PI) / 180 })}
           />

@@ -3,23 +3,26 @@
 import type { AreaDocument, PolygonDocument } from "../documents";
 import type { Outline, Point } from "../map/model";
 import { areaOf, cross, distance, nearestOn, sidesOf } from "./plane";
+import { t } from "../language/catalogue";
 
 const SAME_M = 1e-6;
 const SMALLEST_M2 = 1e-4;
 
 /** What is wrong with a ring of corners, as a sentence for its author; null: nothing. */
 export function faultOf(ring: readonly Point[]): string | null {
-  if (ring.length < 3) return ring.length === 0 ? "Place the first corner." : "An area needs three corners.";
+  if (ring.length < 3)
+    return ring.length === 0 ? t("Place the first corner.") : t("An area needs three corners.");
   const sides = sidesOf(ring);
-  if (sides.some(([a, b]) => distance(a, b) < SAME_M)) return "Two corners are at the same place.";
+  if (sides.some(([a, b]) => distance(a, b) < SAME_M)) return t("Two corners are at the same place.");
   for (const [i, side] of sides.entries()) {
     for (const [j, other] of sides.entries()) {
-      if (j > i && cross(side, other)) return "Its sides cross.";
+      if (j > i && cross(side, other)) return t("Its sides cross.");
       const isNext = j === i || j === (i + 1) % sides.length;
-      if (!isNext && distance(nearestOn(other, side[1]).point, side[1]) < SAME_M) return "Its sides touch.";
+      if (!isNext && distance(nearestOn(other, side[1]).point, side[1]) < SAME_M)
+        return t("Its sides touch.");
     }
   }
-  return Math.abs(areaOf(ring)) < SMALLEST_M2 ? "It has no area." : null;
+  return Math.abs(areaOf(ring)) < SMALLEST_M2 ? t("It has no area.") : null;
 }
 
 /** Whether a corner may follow those that are there: the new side crosses none of them. */

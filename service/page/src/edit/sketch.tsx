@@ -9,6 +9,7 @@ import type { Draft, Editing } from "./editing";
 import { faultOf, mayFollow } from "./outline";
 import { areaOf, distance } from "./plane";
 import type { Snapped } from "./snapping";
+import { fixed, say } from "../language/catalogue";
 
 type ToPixels = (point: Point) => string;
 
@@ -124,7 +125,7 @@ function Lengths({ ring, to, isClosed }: { ring: readonly Point[]; to: ToPixels;
         const y = (from[1] + until[1]) / 2 + (until[0] - from[0]) * outwards;
         return (
           <text key={i} class="length" x={x} y={y}>
-            {distance(a, b).toFixed(2)} m
+            {say("{0} m", fixed(distance(a, b), 2))}
           </text>
         );
       })}

@@ -9,6 +9,7 @@ import type { App } from "../app";
 import { useReading } from "../details/reading";
 import { titleOf } from "../words";
 import type { EventFilter } from "./filter";
+import { say, t } from "../language/catalogue";
 
 /** What is typed is searched for when no more comes for so long. */
 const TYPED_MS = 250;
@@ -22,14 +23,19 @@ export function FilterFields({ app }: { app: App }) {
     (each) => each !== "",
   ).length;
   return (
-    <form role="search" aria-label="Events" class="event-filter" onSubmit={(event) => event.preventDefault()}>
+    <form
+      role="search"
+      aria-label={t("Events")}
+      class="event-filter"
+      onSubmit={(event) => event.preventDefault()}
+    >
       <TextField text={wanted.text} set={(text) => set({ text })} />
       <details>
-        <summary>Filter {narrowed > 0 && <span class="chip">{narrowed}</span>}</summary>
+        <summary>{say("Filter {0}", narrowed > 0 && <span class="chip">{narrowed}</span>)}</summary>
         <div class="pair">
           <TypeField app={app} type={wanted.type} set={(type) => set({ type })} />
           <label class="field">
-            <span>Day</span>
+            <span>{t("Day")}</span>
             <input
               type="date"
               value={wanted.day}
@@ -56,8 +62,8 @@ function TextField({ text, set }: { text: string; set: (text: string) => void })
     <input
       type="search"
       id="event-text"
-      aria-label="Find events"
-      placeholder="Find events: words of what happened"
+      aria-label={t("Find events")}
+      placeholder={t("Find events: words of what happened")}
       maxLength={200}
       value={typed}
       onInput={(event) => setTyped(event.currentTarget.value)}
@@ -81,9 +87,9 @@ function TypeField({ app, type, set }: { app: App; type: string; set: (type: str
   const shown = type === "" || types.value.includes(type) ? types.value : [...types.value, type];
   return (
     <label class="field">
-      <span>What</span>
+      <span>{t("What")}</span>
       <select value={type} onChange={(event) => set(event.currentTarget.value)}>
-        <option value="">all</option>
+        <option value="">{t("all")}</option>
         {shown.map((each) => (
           <option key={each} value={each}>
             {titleOf(each)}
@@ -109,11 +115,11 @@ function PersonField({ app, name, set }: { app: App; name: string; set: (name: s
   const people = reading.state === "there" ? reading.value.tracks : [];
   return (
     <label class="field">
-      <span>Who</span>
+      <span>{t("Who")}</span>
       <input
         type="search"
         list="event-people"
-        placeholder="everybody"
+        placeholder={t("everybody")}
         maxLength={200}
         value={typed}
         onInput={(event) => setTyped(event.currentTarget.value)}
@@ -132,9 +138,9 @@ function RoomField({ app, name, set }: { app: App; name: string; set: (name: str
   const things = app.state.map.value?.things ?? [];
   return (
     <label class="field">
-      <span>Where</span>
+      <span>{t("Where")}</span>
       <select value={name} onChange={(event) => set(event.currentTarget.value)}>
-        <option value="">everywhere</option>
+        <option value="">{t("everywhere")}</option>
         {things
           .filter((each) => each.kind === "room" || each.kind === "door" || each.name === name)
           .map((each) => (

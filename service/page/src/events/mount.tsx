@@ -16,6 +16,7 @@ import { FilterFields } from "./filter_fields";
 import { openEvent } from "./open";
 import { Saving } from "./saving";
 import { EventSearch } from "./search";
+import { say, t } from "../language/catalogue";
 
 export function mount(element: HTMLElement, app: App): void {
   const search = new EventSearch(app.api, app.state);
@@ -24,7 +25,7 @@ export function mount(element: HTMLElement, app: App): void {
 }
 
 function Events({ app, search }: { app: App; search: EventSearch }) {
-  if (app.state.map.value === null) return <p class="soft">No map is shown.</p>;
+  if (app.state.map.value === null) return <p class="soft">{t("No map is shown.")}</p>;
   const events = search.found.value;
   const filter = app.state.eventFilter;
   return (
@@ -32,7 +33,7 @@ function Events({ app, search }: { app: App; search: EventSearch }) {
       <FilterFields app={app} />
       <div class="row">
         {!isEverything(filter.value) && (
-          <button onClick={() => (filter.value = EVERYTHING)}>Show all events</button>
+          <button onClick={() => (filter.value = EVERYTHING)}>{t("Show all events")}</button>
         )}
         {events.length > 0 && <Saving app={app} search={search} />}
       </div>
@@ -43,7 +44,7 @@ function Events({ app, search }: { app: App; search: EventSearch }) {
           items={events}
           keyOf={(each) => each.event_id}
           row={(event, before) => <EventButton app={app} event={event} before={before} />}
-          label="Newest events first"
+          label={t("Newest events first")}
           id="event-list"
           hasMore={search.hasMore}
           more={() => void search.more()}
@@ -55,13 +56,16 @@ function Events({ app, search }: { app: App; search: EventSearch }) {
 }
 
 function None({ app, search }: { app: App; search: EventSearch }) {
-  if (search.isReading.value) return <p class="soft">Being read …</p>;
+  if (search.isReading.value) return <p class="soft">{t("Being read …")}</p>;
   if (search.isInVain.value) return <End search={search} />;
   if (search.problem.value !== null) return null;
-  if (!isEverything(app.state.eventFilter.value)) return <p class="soft">Nothing like that has happened.</p>;
-  if (app.state.connection.value.state !== "live") return <p class="note unread">Not read yet.</p>;
+  if (!isEverything(app.state.eventFilter.value))
+    return <p class="soft">{t("Nothing like that has happened.")}</p>;
+  if (app.state.connection.value.state !== "live") return <p class="note unread">{t("Not read yet.")}</p>;
   return (
-    <p class="soft">Nothing has happened yet. Events come here, and onto the timeline, as rules find them.</p>
+    <p class="soft">
+      {t("Nothing has happened yet. Events come here, and onto the timeline, as rules find them.")}
+    </p>
   );
 }
 
@@ -70,8 +74,8 @@ function End({ search }: { search: EventSearch }) {
   if (!search.isInVain.value) return null;
   return (
     <p class="row">
-      <span class="soft">Looked back to {momentText(search.reached.value!)}.</span>
-      <button onClick={() => void search.more(true)}>Look further</button>
+      <span class="soft">{say("Looked back to {0}.", momentText(search.reached.value!))}</span>
+      <button onClick={() => void search.more(true)}>{t("Look further")}</button>
     </p>
   );
 }
@@ -101,11 +105,9 @@ function EventButton({
       </span>
       <span class="what">
         {event.track && <i class="dot" style={{ background: trackColourName(event.track.id) }} />}
-        <span class={event.cause === null ? "complex" : ""} dir="auto">
-          {sentenceOf(event, app.state.map.value)}
-        </span>
+        <span class={event.cause === null ? "complex" : ""}>{sentenceOf(event, app.state.map.value)}</span>
       </span>
-      {event.verdict === "retracted" && <span class="chip">retracted</span>}
+      {event.verdict === "retracted" && <span class="chip">{t("retracted")}</span>}
     </button>
   );
 }

@@ -9,6 +9,7 @@ import { stampText } from "../timeline/clock";
 import { problemOf } from "../unanswered";
 import { sentenceOf } from "../words";
 import type { EventSearch } from "./search";
+import { say, t } from "../language/catalogue";
 
 const HEAD = [
   "stamp",
@@ -46,14 +47,14 @@ export function Saving({ app, search }: { app: App; search: EventSearch }) {
       saving.value = null;
     }
   };
-  if (saving.value === null) return <button onClick={() => void save()}>Save as CSV</button>;
+  if (saving.value === null) return <button onClick={() => void save()}>{t("Save as CSV")}</button>;
   const { count, stop } = saving.value;
   return (
     <>
       <span class="soft" role="status">
-        {count} read …
+        {say("{0} read …", count)}
       </span>
-      <button onClick={() => stop.abort()}>Stop</button>
+      <button onClick={() => stop.abort()}>{t("Stop")}</button>
     </>
   );
 }

@@ -7,6 +7,7 @@ import { ApiError, inHeader, path } from "../api";
 import type { App } from "../app";
 import { author } from "../edit/author";
 import { problemOf } from "../panel/problem";
+import { t } from "../language/catalogue";
 
 export interface Import {
   key: number;
@@ -29,7 +30,7 @@ const KIND = "map_import";
 export function refusalOf(file: string): string | null {
   const dot = file.lastIndexOf(".");
   if (dot > 0 && SUFFIXES.includes(file.slice(dot).toLowerCase())) return null;
-  return `${file} is no map or building that semap reads: it takes ${SUFFIXES.join(", ")}.`;
+  return t("{0} is no map or building that semap reads: it takes {1}.", file, SUFFIXES.join(", "));
 }
 
 export function hasEnded({ job, problem, isCancelled }: Import): boolean {
@@ -129,7 +130,7 @@ export class Imports {
 
   private async showResult(result: ImportDocument | null): Promise<void> {
     if (result === null) return;
-    this.app.announce(`${result.map} is there.`);
+    this.app.announce(t("{0} is there.", result.map));
     await this.app.reloadMaps(result.map);
   }
 

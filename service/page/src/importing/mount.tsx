@@ -10,6 +10,7 @@ import { ProblemNote } from "../panel/problem";
 import { listenForDrops } from "./drop";
 import { hasEnded, Imports, refusalOf, SUFFIXES, type Import } from "./imports";
 import "./importing.css";
+import { say, t } from "../language/catalogue";
 
 /** Buildings go into the map that is shown, instead of one of their own. */
 const intoShown = signal(false);
@@ -40,7 +41,7 @@ export function mount(element: HTMLElement, app: App): void {
 function Cover() {
   return isOver.value ? (
     <div class="drop-cover">
-      <p>Drop a map or a building: {SUFFIXES.join(", ")}</p>
+      <p>{say("Drop a map or a building: {0}", SUFFIXES.join(", "))}</p>
     </div>
   ) : null;
 }
@@ -58,15 +59,17 @@ function Panel({
   const map = app.state.mapName.value;
   return (
     <div class="stack">
-      <Guarded app={app} what="Importing" isShared={!intoShown.value}>
+      <Guarded app={app} what={t("Importing")} isShared={!intoShown.value}>
         <div class="empty stack">
           <p>
-            Drop a file anywhere on this page: a building ({SUFFIXES.slice(0, 4).join(", ")}) or a whole map
-            (.yaml, or the .zip of an export).
+            {say(
+              "Drop a file anywhere on this page: a building ({0}) or a whole map (.yaml, or the .zip of an export).",
+              SUFFIXES.slice(0, 4).join(", "),
+            )}
           </p>
           <p>
             <button type="button" class="primary" onClick={() => chosen.current?.click()}>
-              Choose files…
+              {t("Choose files…")}
             </button>
             <input
               ref={chosen}
@@ -74,7 +77,7 @@ function Panel({
               hidden
               multiple
               accept={SUFFIXES.join(",")}
-              aria-label="Files to import"
+              aria-label={t("Files to import")}
               onChange={(event) => {
                 take([...(event.currentTarget.files ?? [])]);
                 event.currentTarget.value = "";
@@ -85,17 +88,17 @@ function Panel({
       </Guarded>
       {map !== null && (
         <label class="field">
-          <span>A building goes into</span>
+          <span>{t("A building goes into")}</span>
           <select
             value={intoShown.value ? "shown" : "own"}
             onChange={(event) => (intoShown.value = event.currentTarget.value === "shown")}
           >
-            <option value="own">a map named as the file</option>
-            <option value="shown">the map {map}</option>
+            <option value="own">{t("a map named as the file")}</option>
+            <option value="shown">{say("the map {0}", map)}</option>
           </select>
         </label>
       )}
-      <ul class="cards" aria-label="Imports" aria-live="polite">
+      <ul class="cards" aria-label={t("Imports")} aria-live="polite">
         {imports.list.value.map((each) => (
           <ImportCard key={each.key} found={each} imports={imports} />
         ))}
@@ -115,23 +118,27 @@ function ImportCard({ found, imports }: { found: Import; imports: Imports }) {
           type="button"
           class="plain"
           onClick={() => (ended ? imports.forget(found.key) : void imports.cancel(found.key))}
-          aria-label={ended ? `Put away ${found.file}` : `Cancel the import of ${found.file}`}
+          aria-label={ended ? t("Put away {0}", found.file) : t("Cancel the import of {0}", found.file)}
         >
-          {ended ? "Put away" : "Cancel"}
+          {ended ? t("Put away") : t("Cancel")}
         </button>
       </header>
       {!ended && (
         <>
           <progress
-            aria-label={`Import of ${found.file}`}
+            aria-label={t("Import of {0}", found.file)}
             {...(job?.state === "running" && { value: job.progress })}
           />
           <p class="soft">
-            {job === null ? "Sending…" : job.state === "waiting" ? "Waiting for its turn…" : job.message}
+            {job === null
+              ? t("Sending…")
+              : job.state === "waiting"
+                ? t("Waiting for its turn…")
+                : job.message}
           </p>
         </>
       )}
-      {found.isCancelled && <p>Cancelled; nothing was brought in.</p>}
+      {found.isCancelled && <p>{t("Cancelled; nothing was brought in.")}</p>}
       {found.problem && <ProblemNote problem={found.problem} />}
       {job?.result && <Brought result={job.result} />}
     </li>
@@ -143,7 +150,7 @@ function Brought({ result }: { result: ImportDocument }) {
   return (
     <>
       <p>
-        <strong>{result.map}</strong>: {counts.join(", ") || "nothing"}
+        <strong>{result.map}</strong>: {counts.join(", ") || t("nothing")}
       </p>
       {result.findings.length > 0 && <Findings findings={result.findings} />}
     </>
@@ -156,9 +163,7 @@ function Findings({ findings }: { findings: readonly FindingDocument[] }) {
   const [isAll, setAll] = useState(false);
   return (
     <details open={findings.length <= FEW}>
-      <summary>
-        {findings.length} {findings.length === 1 ? "finding" : "findings"}
-      </summary>
+      <summary>{findings.length === 1 ? t("1 finding") : t("{0} findings", findings.length)}</summary>
       <ul class="findings">
         {(isAll ? findings : findings.slice(0, FEW)).map((finding, i) => (
           <li key={i}>
@@ -168,7 +173,7 @@ function Findings({ findings }: { findings: readonly FindingDocument[] }) {
       </ul>
       {!isAll && findings.length > FEW && (
         <button type="button" onClick={() => setAll(true)}>
-          Show all {findings.length}
+          {say("Show all {0}", findings.length)}
         </button>
       )}
     </details>

@@ -2,6 +2,7 @@
 
 import type { Api } from "../api";
 import { waitBefore } from "./connection";
+import { t } from "../language/catalogue";
 
 /** The service says that it is there every 15 s. */
 const SILENCE_MS = 40_000;
@@ -69,7 +70,7 @@ export class LastingSocket {
       const status = REFUSALS[code];
       this.drop();
       if (status === undefined) this.again();
-      else this.user.refused(status, this.refusal || "The service refused the connection.");
+      else this.user.refused(status, this.refusal || t("The service refused the connection."));
     };
   }
 

@@ -5,6 +5,7 @@ import { path, type Api } from "../api";
 import type { State } from "../state";
 import { follow, type Happening } from "./connection";
 import { LastingSocket } from "./lasting_socket";
+import { t } from "../language/catalogue";
 
 export interface LiveUser {
   snapshot(snapshot: Snapshot): void;
@@ -115,11 +116,11 @@ export class Live {
     this.isRefused = true;
     const problem: Problem = {
       type: "about:blank",
-      title: "Refused",
+      title: t("Refused"),
       status,
       detail,
       instance: "",
-      remedy: status === 403 ? "Sign in with a token that has the scope read and may see this map." : "",
+      remedy: status === 403 ? t("Sign in with a token that has the scope read and may see this map.") : "",
       errors: [],
     };
     if (status === 401) this.state.unauthorised.value = problem;

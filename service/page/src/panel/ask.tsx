@@ -1,5 +1,6 @@
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { t } from "../language/catalogue";
 
 export interface Choice<T extends string> {
   value: T;
@@ -53,7 +54,7 @@ function Dialog<T extends string>({
       <p>{question.text}</p>
       <footer>
         <button type="button" onClick={() => close(null)}>
-          Cancel
+          {t("Cancel")}
         </button>
         {question.choices.map((choice) => (
           <button

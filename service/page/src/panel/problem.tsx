@@ -1,5 +1,6 @@
 import type { Problem } from "../documents";
 import { ApiError } from "../api";
+import { t } from "../language/catalogue";
 
 /** What went wrong, and what to do about it. */
 export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () => void }) {
@@ -12,7 +13,7 @@ export function ProblemNote({ problem, retry }: { problem: Problem; retry?: () =
       {retry && (
         <p>
           <button type="button" onClick={retry}>
-            Try again
+            {t("Try again")}
           </button>
         </p>
       )}

@@ -11,6 +11,7 @@ import "../panel/panel.css";
 import { Guarded } from "../panel/guarded";
 import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
+import { say, t } from "../language/catalogue";
 
 /** Puts the panel for continuous queries into its element. */
 export function mount(element: HTMLElement, app: App): void {
@@ -28,7 +29,7 @@ function listQueries(api: Api, map: string, signal: AbortSignal): Promise<QueryD
 
 function Panel({ app }: { app: App }) {
   const map = app.state.mapName.value;
-  if (map === null) return <p class="soft">There is no map yet. Bring one in under Import.</p>;
+  if (map === null) return <p class="soft">{t("There is no map yet. Bring one in under Import.")}</p>;
   return <Queries key={map} app={app} map={map} />;
 }
 
@@ -47,15 +48,17 @@ function Queries({ app, map }: { app: App; map: string }) {
   return (
     <div class="stack">
       <p class="soft">
-        A query keeps up to date which tracks are in which things of a concept. Rules make events of that.
+        {t(
+          "A query keeps up to date which tracks are in which things of a concept. Rules make events of that.",
+        )}
       </p>
       {problem && <ProblemNote problem={problem} retry={reload} />}
-      {value === null && isLoading && <p class="soft">Loading…</p>}
+      {value === null && isLoading && <p class="soft">{t("Loading…")}</p>}
       {value?.length === 0 && (
-        <p class="empty">No queries on this map. Without one nobody is known to be anywhere.</p>
+        <p class="empty">{t("No queries on this map. Without one nobody is known to be anywhere.")}</p>
       )}
-      <Guarded app={app} what="Changing queries">
-        <ul class="cards" aria-label="Queries">
+      <Guarded app={app} what={t("Changing queries")}>
+        <ul class="cards" aria-label={t("Queries")}>
           {value?.map((query) => (
             <QueryCard key={query.id} app={app} query={query} changed={reload} />
           ))}
@@ -84,9 +87,9 @@ function QueryCard({ app, query, changed }: { app: App; query: QueryDocument; ch
   const where = path`/queries/${query.id}`;
   const remove = async (): Promise<void> => {
     const chosen = await ask({
-      title: `Delete the query ${query.name}?`,
-      text: "The relations that it keeps end. A query that a rule reads stays.",
-      choices: [{ value: "delete", label: "Delete", isDanger: true }],
+      title: t("Delete the query {0}?", query.name),
+      text: t("The relations that it keeps end. A query that a rule reads stays."),
+      choices: [{ value: "delete", label: t("Delete"), isDanger: true }],
     });
     if (chosen !== null) await send(() => app.api.send("DELETE", where));
   };
@@ -94,29 +97,27 @@ function QueryCard({ app, query, changed }: { app: App; query: QueryDocument; ch
     <li class="card">
       <header>
         <h3>{query.name}</h3>
-        <span class={query.enabled ? "chip good" : "chip off"}>{query.enabled ? "on" : "off"}</span>
+        <span class={query.enabled ? "chip good" : "chip off"}>{query.enabled ? t("on") : t("off")}</span>
       </header>
-      <p class="soft">
-        tracks that are in a <strong>{query.concept}</strong>
-      </p>
+      <p class="soft">{say("tracks that are in a {0}", <strong>{query.concept}</strong>)}</p>
       {problem && <ProblemNote problem={problem} />}
       <div class="row">
         <button
           type="button"
           disabled={isSending}
-          aria-label={`${query.enabled ? "Turn off" : "Turn on"} ${query.name}`}
+          aria-label={query.enabled ? t("Turn off {0}", query.name) : t("Turn on {0}", query.name)}
           onClick={() => void send(() => app.api.send("PATCH", where, { body: { enabled: !query.enabled } }))}
         >
-          {query.enabled ? "Turn off" : "Turn on"}
+          {query.enabled ? t("Turn off") : t("Turn on")}
         </button>
         <button
           type="button"
           class="danger"
           disabled={isSending}
-          aria-label={`Delete ${query.name}`}
+          aria-label={t("Delete {0}", query.name)}
           onClick={() => void remove()}
         >
-          Delete
+          {t("Delete")}
         </button>
       </div>
     </li>
@@ -133,7 +134,7 @@ function NewQuery({ app, map, made }: { app: App; map: string; made: () => void 
     try {
       await app.api.send("POST", "/queries", { body: { map, name: name.trim(), concept } });
       setName("");
-      app.announce(`The query ${name.trim()} works.`);
+      app.announce(t("The query {0} works.", name.trim()));
       made();
     } catch (error) {
       setProblem(problemOf(error));
@@ -141,17 +142,17 @@ function NewQuery({ app, map, made }: { app: App; map: string; made: () => void 
   };
   return (
     <details>
-      <summary>Add a query</summary>
+      <summary>{t("Add a query")}</summary>
       <form
         class="stack"
-        aria-label="Add a query"
+        aria-label={t("Add a query")}
         onSubmit={(event) => {
           event.preventDefault();
           void add();
         }}
       >
         <label class="field">
-          <span>Name</span>
+          <span>{t("Name")}</span>
           <input
             value={name}
             maxLength={200}
@@ -160,7 +161,7 @@ function NewQuery({ app, map, made }: { app: App; map: string; made: () => void 
           />
         </label>
         <label class="field">
-          <span>Concept</span>
+          <span>{t("Concept")}</span>
           <ConceptSelect
             value={concept}
             concepts={choicesOf(taxonomy.value?.concepts ?? [])}
@@ -169,7 +170,7 @@ function NewQuery({ app, map, made }: { app: App; map: string; made: () => void 
         </label>
         {problem && <ProblemNote problem={problem} />}
         <button type="submit" class="primary" disabled={name.trim() === ""}>
-          Add
+          {t("Add")}
         </button>
       </form>
     </details>

@@ -2,6 +2,7 @@ import { useLayoutEffect, useRef, useState } from "preact/hooks";
 
 import type { RuleCheck } from "../documents";
 import { CIRCLE, layOut, LINE, PAD, type Arrow, type Box } from "./layout";
+import { t } from "../language/catalogue";
 
 const USUAL_PX = 340;
 
@@ -24,7 +25,7 @@ export function Diagram({ check }: { check: RuleCheck }) {
     <figure class="diagram" ref={place}>
       <svg
         role="img"
-        aria-label={`The pattern: ${check.sentence ?? ""}`}
+        aria-label={t("The pattern: {0}", check.sentence ?? "")}
         width={drawn.width}
         height={drawn.height}
         viewBox={`0 0 ${drawn.width} ${drawn.height}`}

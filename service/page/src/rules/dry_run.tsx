@@ -8,6 +8,7 @@ import { clockText, momentText } from "../timeline/clock";
 import { sentenceOf } from "../words";
 import { dryRun, type Declaration } from "./api";
 import { lossOf } from "./text";
+import { say, t } from "../language/catalogue";
 
 const HOUR_MS = 3_600_000;
 const LEAST_BESIDE_MS = 10_000;
@@ -18,9 +19,9 @@ const SHOWN = 30;
 const PAUSE_MS = 250;
 
 const SPANS = {
-  hour: "the hour shown",
-  day: "the day shown",
-  shown: "all that the timeline shows",
+  hour: t("the hour shown"),
+  day: t("the day shown"),
+  shown: t("all that the timeline shows"),
 } as const;
 type SpanName = keyof typeof SPANS;
 
@@ -85,23 +86,26 @@ export function DryRun({ app, map, name, declaration }: DryRunProps) {
   }, [isElsewhere, shown]);
   const isRunning = declaration !== null && run.found === null && run.problem === null;
   return (
-    <section class="stack" aria-label="Dry run">
+    <section class="stack" aria-label={t("Dry run")}>
       <label class="inline">
-        <strong>Dry run</strong> over
-        <select value={span} onChange={(event) => setSpan(event.currentTarget.value as SpanName)}>
-          {Object.entries(SPANS).map(([key, label]) => (
-            <option key={key} value={key}>
-              {label}
-            </option>
-          ))}
-        </select>
+        {say(
+          "{0} over{1}",
+          <strong>{t("Dry run")}</strong>,
+          <select value={span} onChange={(event) => setSpan(event.currentTarget.value as SpanName)}>
+            {Object.entries(SPANS).map(([key, label]) => (
+              <option key={key} value={key}>
+                {label}
+              </option>
+            ))}
+          </select>,
+        )}
       </label>
       {declaration === null && (
-        <p class="soft">What it would have found is shown here as soon as it is right.</p>
+        <p class="soft">{t("What it would have found is shown here as soon as it is right.")}</p>
       )}
       {isRunning && (
         <p class="soft" role="status">
-          Running…
+          {t("Running…")}
         </p>
       )}
       {run.problem && <ProblemNote problem={run.problem} retry={again} />}
@@ -121,12 +125,10 @@ function Result({ app, found, over }: { app: App; found: DryRunAnswer; over: Spa
         <strong role="status">{told(found.count)}</strong>
         <span class="grow" />
         <button type="button" class="plain" onClick={show}>
-          Show on the timeline
+          {t("Show on the timeline")}
         </button>
       </p>
-      <p class="soft">
-        {momentText(over.from)} to {momentText(over.to)}
-      </p>
+      <p class="soft">{say("{0} to {1}", momentText(over.from), momentText(over.to))}</p>
       {found.given_up && <p class="note warn">{lossOf(found.given_up)}</p>}
       <ol class="found">
         {found.events.slice(0, SHOWN).map((event) => (
@@ -138,9 +140,9 @@ function Result({ app, found, over }: { app: App; found: DryRunAnswer; over: Spa
           </li>
         ))}
       </ol>
-      {found.events.length > SHOWN && <p class="soft">The timeline shows the others.</p>}
+      {found.events.length > SHOWN && <p class="soft">{t("The timeline shows the others.")}</p>}
       {found.count > found.events.length && (
-        <p class="soft">Only the first {found.events.length} are shown.</p>
+        <p class="soft">{say("Only the first {0} are shown.", found.events.length)}</p>
       )}
     </div>
   );
@@ -148,8 +150,10 @@ function Result({ app, found, over }: { app: App; found: DryRunAnswer; over: Spa
 
 function told(count: number): string {
   return count === 0
-    ? "It would have made no event."
-    : `It would have made ${count} ${count === 1 ? "event" : "events"}.`;
+    ? t("It would have made no event.")
+    : count === 1
+      ? t("It would have made 1 event.")
+      : t("It would have made {0} events.", count);
 }
 
 /** All that was found with some time beside it; where nothing was, all that was searched. */

@@ -3,6 +3,7 @@ import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import type { Fault, RuleWords } from "../documents";
 import { completionAt, type Completion } from "./completion";
 import { offsetOf, withNewLine } from "./text";
+import { t } from "../language/catalogue";
 
 interface EditorProps {
   text: string;
@@ -112,7 +113,7 @@ export function Editor({ text, set, fault, describedBy, words }: EditorProps) {
             autocapitalize="off"
             autocomplete="off"
             wrap="off"
-            aria-label="The rule as YAML"
+            aria-label={t("The rule as YAML")}
             aria-invalid={fault !== null}
             aria-describedby={describedBy}
             aria-autocomplete="list"
@@ -145,7 +146,7 @@ export function Editor({ text, set, fault, describedBy, words }: EditorProps) {
           id={LIST}
           class="completions"
           role="listbox"
-          aria-label="Completions"
+          aria-label={t("Completions")}
           style={placeOf(text, offer.from, area.current)}
           // The text keeps the focus.
           onPointerDown={(event) => event.preventDefault()}
@@ -188,7 +189,7 @@ export function FaultLine({ fault, text }: { fault: Fault; text: string }) {
   return (
     <>
       <button type="button" class="plain place" onClick={go}>
-        {fault.where || "The rule"}
+        {fault.where || t("The rule")}
       </button>
       <p>
         <strong>{fault.message}</strong>

@@ -6,6 +6,7 @@ import { ProblemNote, problemOf } from "../panel/problem";
 import { stampText, withClock } from "../timeline/clock";
 import { explain } from "./api";
 import { keyOf } from "./text";
+import { t } from "../language/catalogue";
 
 /** Why a rule found something around a moment, or how far it came and which condition failed. */
 export function Explanation({ app, rule, close }: { app: App; rule: RuleDocument; close: () => void }) {
@@ -41,14 +42,14 @@ export function Explanation({ app, rule, close }: { app: App; rule: RuleDocument
   return (
     <form
       class="stack"
-      aria-label={`Explain ${rule.name}`}
+      aria-label={t("Explain {0}", rule.name)}
       onSubmit={(submitted) => {
         submitted.preventDefault();
         if (isReady) void run();
       }}
     >
       <label class="field">
-        <span>Around the moment</span>
+        <span>{t("Around the moment")}</span>
         <input
           value={at}
           aria-invalid={!Number.isFinite(moment)}
@@ -80,10 +81,10 @@ export function Explanation({ app, rule, close }: { app: App; rule: RuleDocument
       )}
       <div class="row">
         <button type="submit" class="primary" disabled={!isReady}>
-          Explain
+          {t("Explain")}
         </button>
         <button type="button" onClick={close}>
-          Close
+          {t("Close")}
         </button>
       </div>
     </form>

@@ -1,6 +1,7 @@
 /** Lays the boxes of a rule's drawing out, one below the other; lengths in pixels. */
 
 import type { RulePart } from "../documents";
+import { t } from "../language/catalogue";
 
 export interface Box {
   kind: "step" | "never" | "event" | "group";
@@ -38,8 +39,8 @@ const LETTER = 6.4;
 
 /** How groups are called, and what stands between their parts. */
 const BETWEEN: Partial<Record<RulePart["kind"], readonly [title: string, between: string]>> = {
-  choice: ["either", "or"],
-  all: ["all of these", "and"],
+  choice: [t("either"), t("or")],
+  all: [t("all of these"), t("and")],
 };
 
 export function layOut(whole: RulePart, width: number): Drawing {
@@ -95,7 +96,7 @@ export function layOut(whole: RulePart, width: number): Drawing {
 
 function leaf(part: RulePart, x: number, y: number, width: number): Box {
   const kind = part.kind === "never" || part.kind === "event" ? part.kind : "step";
-  const text = kind === "never" ? `never: ${part.text}` : kind === "event" ? "" : part.text;
+  const text = kind === "never" ? t("never: {0}", part.text) : kind === "event" ? "" : part.text;
   const said = kind === "event" ? [part.label, part.text].filter(Boolean).join(", ") : text;
   const lines = wrapped(said, width - 3 * PAD - 2 * CIRCLE);
   return {

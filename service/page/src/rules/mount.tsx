@@ -14,6 +14,7 @@ import { Notify } from "./notify";
 import { lossOf, madeBy, readBy } from "./text";
 import { titleOf } from "../words";
 import { mayLeave, Writing, type Subject } from "./writing";
+import { say, t } from "../language/catalogue";
 
 /** Puts the panel for rules into its element. */
 export function mount(element: HTMLElement, app: App): void {
@@ -22,7 +23,7 @@ export function mount(element: HTMLElement, app: App): void {
 
 function Panel({ app }: { app: App }) {
   const map = app.state.mapName.value;
-  if (map === null) return <p class="soft">There is no map yet. Bring one in under Import.</p>;
+  if (map === null) return <p class="soft">{t("There is no map yet. Bring one in under Import.")}</p>;
   return <Rules key={map} app={app} map={map} />;
 }
 
@@ -48,7 +49,7 @@ function Rules({ app, map }: { app: App; map: string }) {
   }, [wanted, value, isLoading]);
   const openWanted = async (name: string): Promise<void> => {
     const rule = value?.find((each) => each.name === name);
-    if (rule === undefined) return app.announce(`The rule ${name} is no longer there.`, "error");
+    if (rule === undefined) return app.announce(t("The rule {0} is no longer there.", name), "error");
     if (subject?.rule?.id === rule.id || (isDirty.current && !(await mayLeave()))) return;
     try {
       setSubject(await readRule(app.api, rule.id));
@@ -67,18 +68,18 @@ function Rules({ app, map }: { app: App; map: string }) {
   return (
     <div class="stack">
       <div class="row">
-        <h2>Rules</h2>
+        <h2>{t("Rules")}</h2>
         <span class="grow" />
         <button type="button" class="primary" onClick={() => setSubject({ rule: null })}>
-          Write a rule
+          {t("Write a rule")}
         </button>
       </div>
       {problem && <ProblemNote problem={problem} retry={reload} />}
-      {value === null && isLoading && <p class="soft">Loading…</p>}
+      {value === null && isLoading && <p class="soft">{t("Loading…")}</p>}
       {value?.length === 0 && (
-        <p class="empty">No rules on this map. Without one nothing becomes an event.</p>
+        <p class="empty">{t("No rules on this map. Without one nothing becomes an event.")}</p>
       )}
-      <ul class="cards" aria-label="Rules">
+      <ul class="cards" aria-label={t("Rules")}>
         {value?.map((rule) => (
           <RuleCard key={rule.id} app={app} rule={rule} changed={reload} edit={setSubject} />
         ))}
@@ -117,9 +118,9 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
     );
   const remove = async (): Promise<void> => {
     const chosen = await ask({
-      title: `Delete the rule ${rule.name}?`,
-      text: "It makes no more events; those that it made stay.",
-      choices: [{ value: "delete", label: "Delete", isDanger: true }],
+      title: t("Delete the rule {0}?", rule.name),
+      text: t("It makes no more events; those that it made stay."),
+      choices: [{ value: "delete", label: t("Delete"), isDanger: true }],
     });
     if (chosen !== null) await send(() => deleteRule(app.api, rule.id), changed);
   };
@@ -127,12 +128,15 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
     <li class="card">
       <header>
         <h3>{rule.name}</h3>
-        <span class="soft">version {rule.version}</span>
-        <span class={rule.enabled ? "chip good" : "chip off"}>{rule.enabled ? "on" : "off"}</span>
+        <span class="soft">{say("version {0}", rule.version)}</span>
+        <span class={rule.enabled ? "chip good" : "chip off"}>{rule.enabled ? t("on") : t("off")}</span>
       </header>
       <p class="soft">
-        It makes <strong>{madeBy(rule.declaration).map(titleOf).join("; ")}</strong> of{" "}
-        {readBy(rule.declaration).map(titleOf).join("; ")}.
+        {say(
+          "It makes {0} of {1}.",
+          <strong>{madeBy(rule.declaration).map(titleOf).join("; ")}</strong>,
+          readBy(rule.declaration).map(titleOf).join("; "),
+        )}
       </p>
       {rule.given_up && <p class="note warn">{lossOf(rule.given_up)}</p>}
       {problem && <ProblemNote problem={problem} />}
@@ -140,38 +144,38 @@ function RuleCard({ app, rule, changed, edit }: RuleCardProps) {
         <button
           type="button"
           disabled={isSending}
-          aria-label={`Edit ${rule.name}`}
+          aria-label={t("Edit {0}", rule.name)}
           onClick={() => void open()}
         >
-          Edit
+          {t("Edit")}
         </button>
         <button
           type="button"
           disabled={isSending}
-          aria-label={`${rule.enabled ? "Turn off" : "Turn on"} ${rule.name}`}
+          aria-label={rule.enabled ? t("Turn off {0}", rule.name) : t("Turn on {0}", rule.name)}
           onClick={() =>
             void send(() => changeRule(app.api, rule.id, { enabled: !rule.enabled }, null), changed)
           }
         >
-          {rule.enabled ? "Turn off" : "Turn on"}
+          {rule.enabled ? t("Turn off") : t("Turn on")}
         </button>
         <button
           type="button"
           aria-expanded={isExplaining}
-          aria-label={`Explain ${rule.name}`}
+          aria-label={t("Explain {0}", rule.name)}
           onClick={() => setExplaining(!isExplaining)}
         >
-          Explain…
+          {t("Explain…")}
         </button>
         <Notify map={rule.map} types={madeBy(rule.declaration)} name={rule.name} />
         <button
           type="button"
           class="danger"
           disabled={isSending}
-          aria-label={`Delete ${rule.name}`}
+          aria-label={t("Delete {0}", rule.name)}
           onClick={() => void remove()}
         >
-          Delete
+          {t("Delete")}
         </button>
       </div>
       {isExplaining && <Explanation app={app} rule={rule} close={() => setExplaining(false)} />}

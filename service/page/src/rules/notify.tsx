@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 
 import { isWanted, notifyOf } from "../chrome/notifying";
+import { t } from "../language/catalogue";
 
 interface NotifyProps {
   map: string;
@@ -18,11 +19,11 @@ export function Notify({ map, types, name }: NotifyProps) {
       <button
         type="button"
         aria-pressed={isOn}
-        aria-label={name && `Notify me of ${name}`}
+        aria-label={name && t("Notify me of {0}", name)}
         disabled={types.length === 0}
         onClick={() => void notifyOf(map, types, !isOn).then(setWhy)}
       >
-        {name === undefined ? "Notify me in this browser" : "Notify me"}
+        {name === undefined ? t("Notify me in this browser") : t("Notify me")}
       </button>
       {why && (
         <p class="note warn" role="alert">

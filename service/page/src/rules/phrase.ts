@@ -1,11 +1,13 @@
 /** Sentences with gaps, and durations as a number and a unit. */
 
+import { t } from "../language/catalogue";
+
 /** Texts and, at odd places, names of gaps: `a {b} c` is a, b, c. */
 export function partsOf(phrase: string): string[] {
   return phrase.split(/\{(\w+)\}/);
 }
 
-export const UNITS = { s: "seconds", min: "minutes", h: "hours", d: "days" } as const;
+export const UNITS = { s: t("seconds"), min: t("minutes"), h: t("hours"), d: t("days") } as const;
 export type Unit = keyof typeof UNITS;
 
 /** `1.5 h`, `90`; one of another unit is in seconds. */
@@ -27,5 +29,5 @@ export function freeName(name: string, taken: readonly string[]): string {
 export function listed(words: readonly string[]): string {
   return words.length < 2
     ? words.join("")
-    : `${words.slice(0, -1).join(", ")} and ${words[words.length - 1]}`;
+    : t("{0} and {1}", words.slice(0, -1).join(", "), words[words.length - 1]);
 }

@@ -6,6 +6,7 @@ import { ProblemNote, problemOf } from "../panel/problem";
 import { useResource } from "../panel/resource";
 import { fillTemplate, listTemplates } from "./api";
 import { durationOf, freeName, listed, partsOf, UNITS, type Unit } from "./phrase";
+import { say, t } from "../language/catalogue";
 
 type Values = Readonly<Record<string, string>>;
 
@@ -66,12 +67,12 @@ export function Sentence({ app, words, text, set, check }: SentenceProps) {
   if (problem) return <ProblemNote problem={problem} retry={reload} />;
   const template = templates?.find((each) => each.name === chosen?.template);
   return (
-    <section class="stack" aria-label="The rule as a sentence">
+    <section class="stack" aria-label={t("The rule as a sentence")}>
       <label class="field">
-        <span>Tell me when …</span>
+        <span>{t("Tell me when …")}</span>
         <select value={chosen?.template ?? ""} onChange={(event) => begin(event.currentTarget.value)}>
           <option value="" disabled={chosen !== null}>
-            {text.trim() === "" ? "choose what it is about…" : "no sentence: it is as the text says"}
+            {text.trim() === "" ? t("choose what it is about…") : t("no sentence: it is as the text says")}
           </option>
           {templates?.map((each) => (
             <option key={each.name} value={each.name}>
@@ -91,7 +92,7 @@ export function Sentence({ app, words, text, set, check }: SentenceProps) {
       )}
       {refused && <ProblemNote problem={refused} />}
       {chosen === null && check?.fault && like === null && (
-        <p class="soft">It is a sentence again, where there is one, as soon as the text is right.</p>
+        <p class="soft">{t("It is a sentence again, where there is one, as soon as the text is right.")}</p>
       )}
       {chosen === null && like !== null && <Unsaid templates={templates} like={like} />}
     </section>
@@ -110,9 +111,11 @@ function Unsaid({
   if (likest === undefined) return null;
   return (
     <p class="note" id="unsaid">
-      No sentence says this rule: the likest, “{likest.title}”, has another{" "}
-      <strong>{listed(like.differs.map((each) => each.replaceAll("_", " ")))}</strong>. It stays as the text
-      says.
+      {say(
+        "No sentence says this rule: the likest, “{0}”, has another {1}. It stays as the text says.",
+        likest.title,
+        <strong>{listed(like.differs.map((each) => each.replaceAll("_", " ")))}</strong>,
+      )}
     </p>
   );
 }
@@ -153,7 +156,7 @@ function Gaps({ app, template, values, words, set }: GapsProps) {
         {partsOf(template.phrase).map((part, i) => (i % 2 === 0 ? part : gap(of.get(part)!)))}
       </p>
       <details>
-        <summary>More about it</summary>
+        <summary>{t("More about it")}</summary>
         <div class="stack">
           <p class="soft">{template.sentence}</p>
           {template.parameters
@@ -171,16 +174,16 @@ function Gaps({ app, template, values, words, set }: GapsProps) {
 }
 
 const ANY: Partial<Record<TemplateParameter["kind"], string>> = {
-  room: "any room",
+  room: t("any room"),
   person: "somebody",
-  door: "any door",
+  door: t("any door"),
 };
 const NAMED: Partial<Record<TemplateParameter["kind"], string>> = {
-  room: "Room",
-  person: "Person",
-  door: "Door",
-  duration: "Duration",
-  count: "How many",
+  room: t("Room"),
+  person: t("Person"),
+  door: t("Door"),
+  duration: t("Duration"),
+  count: t("How many"),
 };
 /** More names than this are found sooner by typing. */
 const MOST_CHOICES = 200;
@@ -194,7 +197,12 @@ interface GapProps {
 }
 
 function Gap({ app, parameter: { name, kind, meaning }, value, words, set }: GapProps) {
-  const label = name === "from" || name === "to" ? `Room ${name}` : (NAMED[kind] ?? meaning);
+  const label =
+    name === "from" || name === "to"
+      ? name === "from"
+        ? t("Room from")
+        : t("Room to")
+      : (NAMED[kind] ?? meaning);
   if (kind === "duration") return <DurationGap label={label} value={value} set={set} />;
   if (kind === "room" || kind === "person" || kind === "door" || kind === "query") {
     const names = words?.[kind] ?? [];
@@ -270,7 +278,7 @@ function DurationGap({ label, value, set }: { label: string; value: string; set:
         onInput={(event) => set(`${event.currentTarget.value} ${unit}`)}
       />
       <select
-        aria-label={`Unit of ${label.toLowerCase()}`}
+        aria-label={t("Unit of {0}", label.toLowerCase())}
         value={unit}
         onChange={(event) => set(`${count} ${event.currentTarget.value as Unit}`)}
       >

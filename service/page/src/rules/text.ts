@@ -1,6 +1,7 @@
 /** Places in a text, and what the enter key does in YAML. */
 
 import { withClock } from "../timeline/clock";
+import { numbered, t } from "../language/catalogue";
 
 /** line, column  from 1; beyond the end of a line or text it is that end */
 export function offsetOf(text: string, line: number, column: number): number {
@@ -32,7 +33,7 @@ export function readBy(declaration: Record<string, unknown>): string[] {
   return inputs.flatMap((each) => {
     if (typeof each === "string") return [each];
     if (typeof each !== "object" || each === null) return [];
-    if ("map" in each) return ["the map"];
+    if ("map" in each) return [t("the map")];
     const [name] = ["query", "rule", "object_state"]
       .map((kind) => (each as Record<string, unknown>)[kind])
       .filter(Boolean);
@@ -53,12 +54,15 @@ type Lost = { attempts: number; first: string; key: Record<string, unknown>; mat
 export function lossOf({ attempts, first, key, matches = 0 }: Lost): string {
   const of = Object.entries(key).map(([name, value]) => `${name} ${String(value)}`);
   return [
-    attempts > 0 && "More was under way in one key than a rule keeps.",
-    matches > 0 &&
-      `${matches.toLocaleString("en")} matches were found and not told, as more ended at one row.`,
-    `Events that begin at ${withClock(first)} or later may be missing${of.length ? ` (first of ${of.join(", ")})` : ""}.`,
-    attempts > 0 && "Give it a window (within), a finer partition_by, or an after_match that skips more.",
-    matches > 0 && "Say how many are wanted: after_match: no skip, at most 100000.",
+    attempts > 0 && t("More was under way in one key than a rule keeps."),
+    matches > 0 && t("{0} matches were found and not told, as more ended at one row.", numbered(matches)),
+    t(
+      "Events that begin at {0} or later may be missing{1}.",
+      withClock(first),
+      of.length ? t(" (first of {0})", of.join(", ")) : "",
+    ),
+    attempts > 0 && t("Give it a window (within), a finer partition_by, or an after_match that skips more."),
+    matches > 0 && t("Say how many are wanted: after_match: no skip, at most 100000."),
   ]
     .filter(Boolean)
     .join(" ");

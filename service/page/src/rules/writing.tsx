@@ -14,6 +14,7 @@ import { Editor, FaultLine } from "./editor";
 import { Notify } from "./notify";
 import { Sentence } from "./sentence";
 import { madeBy } from "./text";
+import { say, t } from "../language/catalogue";
 
 /** What is written: a new rule, or a rule as it was read. */
 export type Subject = { rule: null } | { rule: RuleDocument; etag: string | null; text: string };
@@ -45,15 +46,15 @@ export function Writing({ app, map, subject, isDirty, close }: WritingProps) {
   return (
     <div class="stack">
       <div class="row">
-        <h2>{rule === null ? "A new rule" : rule.name}</h2>
+        <h2>{rule === null ? t("A new rule") : rule.name}</h2>
         <span class="grow" />
         <button type="button" onClick={() => void leave()}>
-          Back
+          {t("Back")}
         </button>
       </div>
       {rule !== null && <Versions app={app} rule={rule} use={setText} />}
       <Sentence app={app} words={words} text={text} set={setText} check={checked.check} />
-      <h3>As text (YAML)</h3>
+      <h3>{t("As text (YAML)")}</h3>
       <Editor
         text={text}
         set={setText}
@@ -77,9 +78,9 @@ export function Writing({ app, map, subject, isDirty, close }: WritingProps) {
 /** Asks whether what is written may be lost. */
 export async function mayLeave(): Promise<boolean> {
   const chosen = await ask({
-    title: "Leave without saving?",
-    text: "What you have written is lost.",
-    choices: [{ value: "leave", label: "Leave", isDanger: true }],
+    title: t("Leave without saving?"),
+    text: t("What you have written is lost."),
+    choices: [{ value: "leave", label: t("Leave"), isDanger: true }],
   });
   return chosen !== null;
 }
@@ -89,7 +90,7 @@ function Verdict({ text, checked: { check, problem } }: { text: string; checked:
   if (text.trim() === "")
     return (
       <p id="rule-verdict" class="soft">
-        Choose a sentence, or write.
+        {t("Choose a sentence, or write.")}
       </p>
     );
   const fault = check?.fault ?? null;
@@ -99,9 +100,9 @@ function Verdict({ text, checked: { check, problem } }: { text: string; checked:
       class={check === null ? "note" : fault === null ? "note good" : "note bad"}
       role="status"
     >
-      {check === null && <p>Checking…</p>}
+      {check === null && <p>{t("Checking…")}</p>}
       {check !== null && fault === null && (
-        <p>Right. It makes {madeBy(check.declaration ?? {}).join(", ")}.</p>
+        <p>{say("Right. It makes {0}.", madeBy(check.declaration ?? {}).join(", "))}</p>
       )}
       {fault && <FaultLine fault={fault} text={text} />}
     </div>
@@ -120,12 +121,12 @@ function Versions({ app, rule, use }: { app: App; rule: RuleDocument; use: (text
   if (value === null || value.length < 2) return null;
   return (
     <label class="field">
-      <span>Versions</span>
+      <span>{t("Versions")}</span>
       <select defaultValue={rule.version} onChange={(event) => void load(Number(event.currentTarget.value))}>
         {[...value].reverse().map(({ version, declared_at }) => (
           <option key={version} value={version}>
             {version}: {momentText(Date.parse(declared_at))}
-            {version === rule.version ? " (in force)" : ""}
+            {version === rule.version ? t(" (in force)") : ""}
           </option>
         ))}
       </select>
@@ -161,7 +162,7 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
         const declaration = { name: right.name, ...right.declaration };
         await changeRule(app.api, rule.id, { enabled: true, declaration, backfill_from: from }, etag);
       }
-      app.announce(`The rule ${right.name} is on.`);
+      app.announce(t("The rule {0} is on.", right.name));
       done();
     } catch (error) {
       const told = problemOf(error);
@@ -175,9 +176,7 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
     <>
       {overtaken?.rule && (
         <div class="note warn stack" role="alert">
-          <p>
-            <strong>Somebody else changed this rule meanwhile.</strong> Now it is:
-          </p>
+          <p>{say("{0} Now it is:", <strong>{t("Somebody else changed this rule meanwhile.")}</strong>)}</p>
           <pre class="lines">{overtaken.text}</pre>
           <p class="row">
             <button
@@ -188,7 +187,7 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
                 setOvertaken(null);
               }}
             >
-              Go on with that
+              {t("Go on with that")}
             </button>
             <button
               type="button"
@@ -197,16 +196,16 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
                 setOvertaken(null);
               }}
             >
-              Keep mine
+              {t("Keep mine")}
             </button>
           </p>
         </div>
       )}
       <label class="field">
-        <span>It makes events of</span>
+        <span>{t("It makes events of")}</span>
         <select value={backfill} onChange={(event) => setBackfill(event.currentTarget.value)}>
-          <option value="">what happens from now on</option>
-          <option value="all">all that is stored, and what happens from now on</option>
+          <option value="">{t("what happens from now on")}</option>
+          <option value="all">{t("all that is stored, and what happens from now on")}</option>
         </select>
       </label>
       {problem && <ProblemNote problem={problem} />}
@@ -218,7 +217,7 @@ function Saving({ app, map, subject, checked, setText, done }: SavingProps) {
           disabled={right === null || isSending || overtaken !== null}
           onClick={() => void save()}
         >
-          {rule === null ? "Add and turn on" : "Replace and turn on"}
+          {rule === null ? t("Add and turn on") : t("Replace and turn on")}
         </button>
       </div>
     </>

@@ -2,6 +2,8 @@
 
 import { Color } from "three";
 
+import { OCCUPANCY_STEPS } from "./steps";
+
 const NAMES = [
   "map-ground",
   "map-wall",
@@ -19,9 +21,6 @@ const NAMES = [
   "door-closed",
   "door-unknown",
 ] as const;
-
-/** From how many people on a room has which colour. */
-export const OCCUPANCY_STEPS = [0, 1, 2, 3, 5] as const;
 
 export type Colours = Readonly<Record<(typeof NAMES)[number], Color>> & { occupancy: readonly Color[] };
 

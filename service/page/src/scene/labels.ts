@@ -9,7 +9,8 @@ const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]/;
 export interface LabelStyle {
   font: string;
   ink: string;
-  halo: string;
+  /** null: it stands on its mark. */
+  halo: string | null;
 }
 
 interface Box {
@@ -76,18 +77,28 @@ export class Labels {
     this.context.direction = RIGHT_TO_LEFT.test(fitted) ? "rtl" : "ltr";
     const half = this.widthOf(fitted, style.font) / 2 + PAD_PX;
     if (!this.take(x - half, y - size_px * 0.62, x + half, y + size_px * 0.62)) return false;
-    this.context.strokeStyle = style.halo;
-    this.context.strokeText(fitted, x, y);
+    if (style.halo !== null) {
+      this.context.strokeStyle = style.halo;
+      this.context.strokeText(fitted, x, y);
+    }
     this.context.fillStyle = style.ink;
     this.context.fillText(fitted, x, y);
     return true;
+  }
+
+  /** Writes what is part of a mark, on which it stands. */
+  writeOn(text: string, x_m: number, y_m: number, z_m: number, { font, ink }: LabelStyle): void {
+    if (!this.view?.project(x_m, y_m, z_m, this.at)) return;
+    this.context.font = font;
+    this.context.fillStyle = ink;
+    this.context.fillText(text, this.at.x, this.at.y);
   }
 
   /** Keeps names off what is drawn at a place. */
   keepOff(x_m: number, y_m: number, z_m: number, radius_px: number): void {
     if (!this.view?.project(x_m, y_m, z_m, this.at)) return;
     const { x, y } = this.at;
-    this.take(x - radius_px, y - radius_px, x + radius_px, y + radius_px);
+    this.occupy(x - radius_px, y - radius_px, x + radius_px, y + radius_px);
   }
 
   /** As much of a text as a width has room for; null: not even a few letters. */
@@ -117,13 +128,16 @@ export class Labels {
       const box = this.taken[i]!;
       if (left < box.right && right > box.left && top < box.bottom && bottom > box.top) return false;
     }
-    const box = (this.taken[this.used] ??= { left, top, right, bottom });
+    this.occupy(left, top, right, bottom);
+    return true;
+  }
+
+  private occupy(left: number, top: number, right: number, bottom: number): void {
+    const box = (this.taken[this.used++] ??= { left, top, right, bottom });
     box.left = left;
     box.top = top;
     box.right = right;
     box.bottom = bottom;
-    this.used++;
-    return true;
   }
 
   widthOf(text: string, font: string): number {

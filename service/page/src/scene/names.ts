@@ -4,15 +4,16 @@ import type { Mover } from "../live/movement";
 import type { Point, Thing } from "../map/model";
 import { outlineContains } from "../map/shape";
 import type { Colours } from "./colours";
+import { radiusOf, type Parted } from "./crowds";
 import { Labels, type LabelStyle } from "./labels";
-import type { Look } from "./people";
+import { halfLength, type Look } from "./people";
 import type { View } from "./view";
 
 const ROOM_PX = 13;
 const TRACK_PX = 11.5;
-const TRACK_BELOW_PX = 19;
-const SELECTED_BELOW_PX = 22;
-const TRACK_RADIUS_PX = 7;
+/** From the edge of one to the middle of his name. */
+const BELOW_PX = 13;
+const BELOW_SELECTED_PX = 16;
 /** A room that is narrower on the screen has no name written. */
 const LEAST_ROOM_PX = 30;
 const TRACK_WIDTH_PX = 150;
@@ -48,6 +49,10 @@ export class Names {
   private readonly at = { x: 0, y: 0 };
   private readonly trackStyle: LabelStyle = { font: "", ink: "", halo: "" };
   private readonly roomStyle: LabelStyle = { font: "", ink: "", halo: "" };
+  private readonly crowdStyle: LabelStyle = { font: "", ink: "", halo: null };
+  private readonly ordered: Mover[] = [];
+  /** Whose names the last picture had. */
+  private written: ReadonlySet<number> = new Set();
 
   constructor(canvas: HTMLCanvasElement) {
     this.labels = new Labels(canvas);
@@ -59,6 +64,7 @@ export class Names {
     const ink = `#${colours["map-label"].getHexString()}`;
     const halo = `#${colours["map-label-halo"].getHexString()}`;
     Object.assign(this.trackStyle, { font: `600 ${TRACK_PX}px ${family}`, ink, halo });
+    Object.assign(this.crowdStyle, { font: `600 ${TRACK_PX}px ${family}`, ink: halo });
     Object.assign(this.roomStyle, { font: `500 ${ROOM_PX}px ${family}`, ink, halo });
     this.rooms = rooms.map((room) => ({
       text: room.alias ?? room.name,
@@ -73,26 +79,50 @@ export class Names {
     this.floors = storeys.size > 1 ? rooms : [];
   }
 
-  /** Writes all that there is room for; people first. */
-  write(view: View, ratio: number, movers: ReadonlyMap<number, Mover>, look: Look): void {
+  /**
+   * Writes all that there is room for, the more important first: who was chosen, whose name was there a moment ago, who is
+   * on the move, and then rooms. No name lies on another or on somebody.
+   */
+  write(view: View, ratio: number, { alone, crowds }: Parted, look: Look): void {
     this.labels.begin(view, ratio);
-    for (const [id, mover] of movers) {
-      const floor = look.floorOf(mover);
-      if (floor === null) continue;
-      const { x_m, y_m } = mover;
-      this.labels.keepOff(x_m, y_m, floor, TRACK_RADIUS_PX);
-      const below_px = id === look.selected ? SELECTED_BELOW_PX : TRACK_BELOW_PX;
-      this.labels.write(
-        mover.state.name,
-        x_m,
-        y_m,
-        floor,
-        below_px,
-        TRACK_PX,
-        TRACK_WIDTH_PX,
-        this.trackStyle,
-      );
+    for (const { x_m, y_m, floor_m, count } of crowds) {
+      this.labels.keepOff(x_m, y_m, floor_m, radiusOf(count));
+      this.labels.writeOn(String(count), x_m, y_m, floor_m, this.crowdStyle);
     }
+    for (const mover of alone) {
+      const floor_m = look.floorOf(mover);
+      if (floor_m !== null) this.labels.keepOff(mover.x_m, mover.y_m, floor_m, radiusIn(look, mover));
+    }
+    this.people(alone, look);
+    this.named(view, look);
+  }
+
+  private people(alone: readonly Mover[], look: Look): void {
+    const wanted = this.ordered;
+    wanted.length = 0;
+    for (const mover of alone) wanted.push(mover);
+    wanted.sort((a, b) => this.importance(b, look) - this.importance(a, look));
+    const written = new Set<number>();
+    for (const mover of wanted) {
+      const floor_m = look.floorOf(mover);
+      if (floor_m === null) continue;
+      const { track_id: id, name } = mover.state;
+      const below_px = radiusIn(look, mover) + (id === look.selected ? BELOW_SELECTED_PX : BELOW_PX);
+      const { x_m, y_m } = mover;
+      if (this.labels.write(name, x_m, y_m, floor_m, below_px, TRACK_PX, TRACK_WIDTH_PX, this.trackStyle))
+        written.add(id);
+    }
+    this.written = written;
+  }
+
+  private importance({ state, trailLength }: Mover, look: Look): number {
+    const id = state.track_id;
+    if (id === look.selected) return 4;
+    if (id === look.hovered) return 3;
+    return (this.written.has(id) ? 2 : 0) + (trailLength > 1 ? 1 : 0);
+  }
+
+  private named(view: View, look: Look): void {
     const narrowest_m = LEAST_ROOM_PX * look.metresPerPixel;
     for (const room of this.rooms) {
       if (room.extent_m < narrowest_m) continue;
@@ -116,6 +146,11 @@ export class Names {
       return room.outlines.some((outline) => outlineContains(outline, place));
     });
   }
+}
+
+/** How large somebody is on the screen [px]. */
+function radiusIn({ metresPerPixel }: Look, mover: Mover): number {
+  return halfLength(mover, metresPerPixel) / metresPerPixel;
 }
 
 /** The shorter side of what a room reaches over [m]. */

@@ -7,6 +7,7 @@ import type { Mover } from "../live/movement";
 import type { Thing } from "../map/model";
 import { areaOf, outlineContains } from "../map/shape";
 import type { Selection } from "../state";
+import { radiusOf, type Crowd } from "./crowds";
 import type { View } from "./view";
 
 const NEAR_TRACK_PX = 15;
@@ -67,7 +68,7 @@ export function instanceAlong(things: readonly Thing[], ray: Ray): number | null
 export function pick(
   view: View,
   things: readonly Thing[],
-  movers: ReadonlyMap<number, Mover>,
+  movers: readonly Mover[],
   floorOf: (mover: Mover) => number | null,
   x_px: number,
   y_px: number,
@@ -76,16 +77,27 @@ export function pick(
   const at = { x: 0, y: 0 };
   let nearest = NEAR_TRACK_PX;
   let track: number | null = null;
-  for (const [id, mover] of movers) {
+  for (const mover of movers) {
     const floor = floorOf(mover);
     if (floor === null || !view.project(mover.x_m, mover.y_m, floor, at)) continue;
     const distance = Math.hypot(at.x - x_px, at.y - y_px);
-    if (distance < nearest) [track, nearest] = [id, distance];
+    if (distance < nearest) [track, nearest] = [mover.state.track_id, distance];
   }
   if (track !== null) return { kind: "track", id: track };
   const along = view.mix > 0 ? instanceAlong(things, view.sight(x_px, y_px)) : null;
   const id = along ?? instanceAt(things, view.placeAt(x_px, y_px), view.metresPerPixel());
   return id === null ? null : { kind: "instance", id };
+}
+
+/** The crowd whose mark is under a pixel. */
+export function crowdAt(view: View, crowds: readonly Crowd[], x_px: number, y_px: number): Crowd | null {
+  view.camera();
+  const at = { x: 0, y: 0 };
+  for (const crowd of crowds) {
+    if (!view.project(crowd.x_m, crowd.y_m, crowd.floor_m, at)) continue;
+    if (Math.hypot(at.x - x_px, at.y - y_px) < radiusOf(crowd.count)) return crowd;
+  }
+  return null;
 }
 
 function distanceToLine([[ax, ay], [bx, by]]: NonNullable<Thing["line"]>, x: number, y: number): number {

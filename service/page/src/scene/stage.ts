@@ -10,13 +10,14 @@ import type { MapModel, Thing } from "../map/model";
 import type { Selection, State, Way } from "../state";
 import { readColours, trackColour, type Colours } from "./colours";
 import { Controls } from "./controls";
+import { part, type Parted } from "./crowds";
 import { Doors } from "./doors";
 import { empty } from "./emptying";
 import { addRing, Floors, lines } from "./floors";
 import { Names } from "./names";
 import { isSoftware, Pace } from "./pace";
 import { People, type Look } from "./people";
-import { pick } from "./picking";
+import { crowdAt, pick } from "./picking";
 import { lights, meshesOf, thingsInPlan } from "./things";
 import { View, type Eye } from "./view";
 
@@ -27,6 +28,9 @@ const WAY_PX = 2;
 /** Above walls and below the leaves of doors. */
 const MARK_ABOVE_M = 0.018;
 const HOVER_AGAIN_MS = 120;
+const NAMES_AGAIN_MS = 100;
+/** How much nearer a click on a crowd leads. */
+const INTO_CROWD = 2.5;
 
 /** What is under the pointer, and where that is. */
 export interface Hover {
@@ -74,6 +78,10 @@ export class Stage implements Surface {
   private switchedFrom = 0;
   private readonly stillness = matchMedia("(prefers-reduced-motion: reduce)");
   private readonly look: Look;
+  /** Who is drawn alone and who as a crowd, since the last picture. */
+  private parted: Parted = { alone: [], crowds: [] };
+  private writtenAt_ms = -Infinity;
+  private writtenView = -1;
 
   constructor(element: HTMLElement, state: State, world: World) {
     this.element = element;
@@ -229,7 +237,7 @@ export class Stage implements Surface {
       this.drawWay(this.state.way.value, storey.value);
     });
     effect(() => {
-      void this.hover.value;
+      void [this.hover.value, this.state.heat.value, this.state.warmth.value];
       this.draw();
     });
   }
@@ -296,7 +304,9 @@ export class Stage implements Surface {
     const isStill = this.stillness.matches;
     if (isStill) this.world.settle();
     else if (this.world.move(now_ms)) goesOn = true;
-    this.floors?.tint(this.world.isKnown ? this.world.occupancy : null);
+    const { isKnown, occupancy } = this.world;
+    const isNow = this.state.heat.peek() === "now";
+    this.floors?.tint(isNow ? (isKnown ? occupancy : null) : this.state.warmth.peek());
     this.doors?.show(this.world.isKnown);
     this.floors?.mix(this.view.mix);
     if (this.doors && this.doorsVersion !== this.world.doorsVersion) {
@@ -320,9 +330,11 @@ export class Stage implements Surface {
           ? (selection.event.track?.id ?? null)
           : null;
     this.look.hovered = hovered?.kind === "track" ? hovered.id : null;
-    this.people.draw(this.world.movers, this.look);
+    const { metresPerPixel } = this.look;
+    this.parted = part(this.world.movers.values(), metresPerPixel, this.floorOf, this.isMarked);
+    this.people.draw(this.parted, this.look);
     this.renderer.render(this.scene, camera);
-    this.names.write(this.view, this.ratio(), this.world.movers, this.look);
+    if (this.mayWrite(now_ms, goesOn)) this.names.write(this.view, this.ratio(), this.parted, this.look);
     if (this.pace.drawn(now_ms, goesOn)) this.renderer.setPixelRatio(this.ratio() * this.pace.scale);
     if (!goesOn) return;
     this.hoverAgain(now_ms);
@@ -337,6 +349,19 @@ export class Stage implements Surface {
     if (room === undefined) return this.view.floor_m;
     return storey === null || room.storey === null || room.storey === storey ? room.zMin_m : null;
   };
+
+  /** Names cost a processor that draws as much as all else, and are a few pixels behind at most while people walk. */
+  private mayWrite(now_ms: number, goesOn: boolean): boolean {
+    const viewed = this.viewed.peek();
+    const isSoon = now_ms - this.writtenAt_ms < NAMES_AGAIN_MS && viewed === this.writtenView;
+    if (this.isSoftware && goesOn && isSoon) return false;
+    this.writtenAt_ms = now_ms;
+    this.writtenView = viewed;
+    return true;
+  }
+
+  private readonly isMarked = ({ state }: Mover): boolean =>
+    state.track_id === this.look.selected || state.track_id === this.look.hovered;
 
   private switchView(now_ms: number): boolean {
     const target = this.state.view.peek() === "plan" ? 0 : 1;
@@ -361,6 +386,11 @@ export class Stage implements Surface {
   }
 
   private click(x_px: number, y_px: number): void {
+    if (crowdAt(this.view, this.parted.crowds, x_px, y_px)) {
+      this.view.zoom(INTO_CROWD, x_px, y_px);
+      this.lookAround();
+      return;
+    }
     const found = this.pickAt(x_px, y_px);
     this.state.selection.value = found;
     if (found)
@@ -369,9 +399,10 @@ export class Stage implements Surface {
   }
 
   private setHover(x_px: number, y_px: number): void {
-    const found = this.pickAt(x_px, y_px);
+    const isCrowd = crowdAt(this.view, this.parted.crowds, x_px, y_px) !== null;
+    const found = isCrowd ? null : this.pickAt(x_px, y_px);
     const before = this.hover.peek();
-    this.element.style.cursor = found ? "pointer" : "";
+    this.element.style.cursor = isCrowd ? "zoom-in" : found ? "pointer" : "";
     if (found === null) this.hover.value = null;
     else if (before?.x_px !== x_px || before.y_px !== y_px || !isSame(before.selection, found)) {
       this.hover.value = { selection: found, x_px, y_px };
@@ -387,7 +418,7 @@ export class Stage implements Surface {
   }
 
   private pickAt(x_px: number, y_px: number): Selection | null {
-    return pick(this.view, this.shown, this.world.movers, this.floorOf, x_px, y_px);
+    return pick(this.view, this.shown, this.parted.alone, this.floorOf, x_px, y_px);
   }
 
   private resize(): void {

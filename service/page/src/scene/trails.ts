@@ -17,6 +17,9 @@ const WIDTH_PX = 2.6;
 const OPACITY = 0.75;
 /** Points of a trail: those of a mover, and where it is now. */
 const POINTS = 65;
+/** So many points of all trails together are drawn: where many people are, long trails would hide the map. */
+const MOST_POINTS = 4000;
+const FEWEST_POINTS = 6;
 
 export class Trails {
   readonly mesh: Mesh<BufferGeometry, MeshBasicMaterial>;
@@ -24,8 +27,9 @@ export class Trails {
   private positions = new Float32Array(0);
   private tints = new Float32Array(0);
   private vertices = 0;
-  private triangles = 0;
+  private corners = 0;
   private index = new Uint32Array(0);
+  private pointsEach = POINTS;
 
   constructor() {
     const material = new MeshBasicMaterial({
@@ -40,16 +44,23 @@ export class Trails {
   }
 
   begin(tracks: number): void {
-    if (tracks > this.capacity) this.reserve(2 * tracks);
+    this.pointsEach = Math.min(
+      POINTS,
+      Math.max(FEWEST_POINTS, Math.floor(MOST_POINTS / Math.max(1, tracks))),
+    );
+    // One may have a whole trail: the one that was chosen.
+    const points = tracks * this.pointsEach + POINTS;
+    if (points > this.capacity) this.reserve(2 * points);
     this.vertices = 0;
-    this.triangles = 0;
+    this.corners = 0;
   }
 
   add(mover: Mover, floor_m: number, colour: Color, metresPerPixel: number, strong: boolean): void {
-    const count = mover.trailLength;
+    const count = Math.min(mover.trailLength, strong ? POINTS : this.pointsEach);
     if (count < 2) return;
     const half = (WIDTH_PX * (strong ? 2 : 1) * metresPerPixel) / 2;
     let [x, y] = [mover.x_m, mover.y_m];
+    let isFirst = true;
     // The newest point is where it moves to, which it may not have reached.
     for (let i = 1; i < count; i++) {
       const at = trailIndex(mover, i);
@@ -60,13 +71,10 @@ export class Trails {
       const width = (half * (1 - 0.7 * age)) / length;
       const [nx, ny] = [-(toY - y) * width, (toX - x) * width];
       const alpha = OPACITY * (1 - age);
-      const first = this.vertices;
-      this.vertex(x + nx, y + ny, floor_m, colour, alpha);
-      this.vertex(x - nx, y - ny, floor_m, colour, alpha);
-      this.vertex(toX + nx, toY + ny, floor_m, colour, alpha);
-      this.vertex(toX - nx, toY - ny, floor_m, colour, alpha);
-      this.triangle(first, first + 1, first + 2);
-      this.triangle(first + 2, first + 1, first + 3);
+      if (isFirst) this.joint(x, y, nx, ny, floor_m, colour, alpha);
+      this.joint(toX, toY, nx, ny, floor_m, colour, alpha);
+      this.join();
+      isFirst = false;
       x = toX;
       y = toY;
     }
@@ -74,36 +82,52 @@ export class Trails {
 
   end(): void {
     const { geometry } = this.mesh;
-    geometry.setDrawRange(0, 3 * this.triangles);
-    for (const name of ["position", "color"])
-      (geometry.getAttribute(name) as BufferAttribute).needsUpdate = true;
-    geometry.getIndex()!.needsUpdate = true;
-    this.mesh.visible = this.triangles > 0;
+    geometry.setDrawRange(0, this.corners);
+    upload(geometry.getAttribute("position") as BufferAttribute, 3 * this.vertices);
+    upload(geometry.getAttribute("color") as BufferAttribute, 4 * this.vertices);
+    upload(geometry.getIndex()!, this.corners);
+    this.mesh.visible = this.corners > 0;
   }
 
-  private vertex(x: number, y: number, floor_m: number, colour: Color, alpha: number): void {
-    const at = this.vertices++;
-    this.positions[3 * at] = x;
-    this.positions[3 * at + 1] = y;
-    this.positions[3 * at + 2] = floor_m + ABOVE_M;
-    this.tints[4 * at] = colour.r;
-    this.tints[4 * at + 1] = colour.g;
-    this.tints[4 * at + 2] = colour.b;
-    this.tints[4 * at + 3] = alpha;
+  /** Both edges of the ribbon at a place. */
+  private joint(
+    x: number,
+    y: number,
+    nx: number,
+    ny: number,
+    floor_m: number,
+    colour: Color,
+    alpha: number,
+  ): void {
+    for (const side of [1, -1]) {
+      const at = this.vertices++;
+      this.positions[3 * at] = x + side * nx;
+      this.positions[3 * at + 1] = y + side * ny;
+      this.positions[3 * at + 2] = floor_m + ABOVE_M;
+      this.tints[4 * at] = colour.r;
+      this.tints[4 * at + 1] = colour.g;
+      this.tints[4 * at + 2] = colour.b;
+      this.tints[4 * at + 3] = alpha;
+    }
   }
 
-  private triangle(a: number, b: number, c: number): void {
-    const at = 3 * this.triangles++;
-    this.index[at] = a;
-    this.index[at + 1] = b;
-    this.index[at + 2] = c;
+  /** Two triangles between the last two joints. */
+  private join(): void {
+    const first = this.vertices - 4;
+    const { index } = this;
+    index[this.corners++] = first;
+    index[this.corners++] = first + 1;
+    index[this.corners++] = first + 2;
+    index[this.corners++] = first + 2;
+    index[this.corners++] = first + 1;
+    index[this.corners++] = first + 3;
   }
 
-  private reserve(tracks: number): void {
-    this.capacity = tracks;
-    this.positions = new Float32Array(3 * 4 * POINTS * tracks);
-    this.tints = new Float32Array(4 * 4 * POINTS * tracks);
-    this.index = new Uint32Array(6 * POINTS * tracks);
+  private reserve(points: number): void {
+    this.capacity = points;
+    this.positions = new Float32Array(3 * 2 * points);
+    this.tints = new Float32Array(4 * 2 * points);
+    this.index = new Uint32Array(6 * points);
     this.mesh.geometry.dispose();
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(this.positions, 3).setUsage(DynamicDrawUsage));
@@ -111,4 +135,11 @@ export class Trails {
     geometry.setIndex(new BufferAttribute(this.index, 1).setUsage(DynamicDrawUsage));
     this.mesh.geometry = geometry;
   }
+}
+
+/** Only what is drawn goes to the graphics card. */
+function upload(attribute: BufferAttribute, length: number): void {
+  attribute.clearUpdateRanges();
+  attribute.addUpdateRange(0, length);
+  attribute.needsUpdate = true;
 }

@@ -2,6 +2,8 @@
 
 import { signal } from "@preact/signals";
 
+import { fixed, language, locale, t } from "../language/catalogue";
+
 const KEY = "semap.zone";
 const S = 1000;
 const MIN = 60 * S;
@@ -24,7 +26,14 @@ function kept(): Storage | null {
   return typeof document === "undefined" ? null : localStorage;
 }
 
-const named = new Intl.DateTimeFormat("en-GB", { timeZoneName: "short" });
+const named = new Intl.DateTimeFormat(language === "en" ? "en-GB" : locale, { timeZoneName: "short" });
+
+const dated =
+  language === "en"
+    ? null
+    : new Intl.DateTimeFormat(locale, { day: "2-digit", month: "2-digit", year: "numeric", timeZone: "UTC" });
+/** What stands between seconds and their tenths. */
+const DECIMAL = fixed(0.5, 1).replace(/\p{Nd}/gu, "");
 
 /** The name of the zone at a moment, as it changes with summer time: CET, GMT+9. */
 export function zoneName(moment: number): string {
@@ -47,13 +56,20 @@ export function clockText(moment: number, step_ms: number): string {
   return `${timeText(moment, step_ms)} ${zoneName(moment)}`;
 }
 
+/** The date as it is written in the language; in English, whose readers write it in two orders, as ISO 8601 does. */
 export function dateText(moment: number): string {
+  return dated === null ? dayText(moment) : dated.format(moment + offsetOf(moment));
+}
+
+/** The date as fields and requests take it: 2026-11-24. */
+export function dayText(moment: number): string {
   return shown(moment).slice(0, 10);
 }
 
 /** The time of day, as exactly as steps of this length need; its zone stands elsewhere. */
 export function timeText(moment: number, step_ms: number): string {
-  return shown(moment).slice(11, step_ms < S ? 21 : step_ms < MIN ? 19 : 16);
+  const time = shown(moment).slice(11, step_ms < S ? 21 : step_ms < MIN ? 19 : 16);
+  return time.replace(".", DECIMAL);
 }
 
 /** A moment by the clock as RFC 3339, which can be typed and read again. */
@@ -75,27 +91,29 @@ export function withClock(text: string): string {
 /** A length of time in words as short as it may be: 4.2 s, 3 min 05 s, 2 h 10 min, 3 d. */
 export function durationText(length_ms: number): string {
   const seconds = length_ms / S;
-  if (seconds < 60) return `${seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)} s`;
-  if (length_ms < H) return `${Math.floor(seconds / 60)} min ${two(Math.floor(seconds % 60))} s`;
-  if (length_ms < D) return `${Math.floor(length_ms / H)} h ${two(Math.floor((length_ms % H) / MIN))} min`;
-  return `${Math.floor(length_ms / D)} d`;
+  if (seconds < 60) return t("{0} s", fixed(seconds, seconds < 10 ? 1 : 0));
+  if (length_ms < H) return t("{0} min {1} s", Math.floor(seconds / 60), two(Math.floor(seconds % 60)));
+  if (length_ms < D)
+    return t("{0} h {1} min", Math.floor(length_ms / H), two(Math.floor((length_ms % H) / MIN)));
+  return t("{0} d", Math.floor(length_ms / D));
 }
 
 /** How long ago something was, in one word of time: now, 25 s ago, 10 months ago; or how far ahead of this clock. */
 export function agoText(ago_ms: number): string {
   const far = Math.abs(ago_ms);
-  if (far < NOW_MS) return "now";
+  if (far < NOW_MS) return t("now");
   const units: readonly [number, string, string][] = [
-    [365 * D, "year", "years"],
-    [30 * D, "month", "months"],
-    [D, "day", "days"],
-    [H, "h", "h"],
-    [MIN, "min", "min"],
-    [S, "s", "s"],
+    [365 * D, t("{0} year"), t("{0} years")],
+    [30 * D, t("{0} month"), t("{0} months")],
+    [D, t("{0} day"), t("{0} days")],
+    [H, t("{0} h"), t("{0} h")],
+    [MIN, t("{0} min"), t("{0} min")],
+    [S, t("{0} s"), t("{0} s")],
   ];
   const [length, one, many] = units.find(([each]) => far >= each)!;
   const count = Math.floor(far / length);
-  return `${count} ${count === 1 ? one : many} ${ago_ms > 0 ? "ago" : "ahead"}`;
+  const text = (count === 1 ? one : many).replace("{0}", String(count));
+  return ago_ms > 0 ? t("{0} ago", text) : t("{0} ahead", text);
 }
 
 /** A moment by the clock, as if that were UTC. */

@@ -1,17 +1,17 @@
 /** Days, by the clock of the page: from midnight to midnight, which is not always 24 hours. */
 
 import type { Span } from "../state";
-import { dateText, zone } from "./clock";
+import { dayText, zone } from "./clock";
 
 /** The day that a moment is in. */
 export function dayOf(moment: number): Span {
-  const [year, month, day] = partsOf(dateText(moment));
+  const [year, month, day] = partsOf(dayText(moment));
   return { from: momentOf(year, month, day), to: momentOf(year, month, day + 1) };
 }
 
 /** The month that a moment is in. */
 export function monthOf(moment: number): Span {
-  const [year, month] = partsOf(dateText(moment));
+  const [year, month] = partsOf(dayText(moment));
   return { from: momentOf(year, month, 1), to: momentOf(year, month + 1, 1) };
 }
 

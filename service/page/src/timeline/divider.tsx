@@ -1,6 +1,7 @@
 /** The line between the map and the timeline, which is dragged, or moved by arrow keys. */
 
 import { useState } from "preact/hooks";
+import { t } from "../language/catalogue";
 
 const LEAST_PX = 120;
 const STEP_PX = 24;
@@ -18,7 +19,7 @@ export function Divider() {
       class="divider"
       role="separator"
       tabIndex={0}
-      aria-label="Height of the timeline"
+      aria-label={t("Height of the timeline")}
       aria-orientation="horizontal"
       aria-valuemin={LEAST_PX}
       aria-valuenow={height_px ?? current()}

@@ -2,6 +2,7 @@
 
 import type { MapModel, Thing } from "../map/model";
 import { lanesOf, type History, type Position, type Stay } from "./history";
+import { t } from "../language/catalogue";
 
 const ROOM_PX = 24;
 const DOOR_PX = 18;
@@ -33,7 +34,7 @@ export function rowsOf(map: MapModel, storey: string | null, history: History): 
     rows.push({ top_px, height_px, ...row } as Row);
     top_px += height_px;
   };
-  if (rooms.length > 0) add(HEADING_PX, { kind: "heading", label: "Rooms" });
+  if (rooms.length > 0) add(HEADING_PX, { kind: "heading", label: t("Rooms") });
   for (const room of rooms.sort(byName)) {
     const stays = history.stays.get(room.id) ?? [];
     const { lanes, count } = lanesOf(stays);
@@ -46,7 +47,7 @@ export function rowsOf(map: MapModel, storey: string | null, history: History): 
       laneCount: Math.max(count, 1),
     });
   }
-  if (doors.length > 0) add(HEADING_PX, { kind: "heading", label: "Doors" });
+  if (doors.length > 0) add(HEADING_PX, { kind: "heading", label: t("Doors") });
   for (const door of doors.sort(byName)) {
     add(DOOR_PX, {
       kind: "door",
@@ -57,7 +58,7 @@ export function rowsOf(map: MapModel, storey: string | null, history: History): 
   }
   const ids = new Set(rows.flatMap((row) => ("id" in row ? [row.id] : [])));
   if (history.events.some(({ event }) => event.instance === null || !ids.has(event.instance.id))) {
-    add(OTHER_PX, { kind: "other", label: "Elsewhere" });
+    add(OTHER_PX, { kind: "other", label: t("Elsewhere") });
   }
   return rows;
 }

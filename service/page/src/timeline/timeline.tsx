@@ -15,6 +15,7 @@ import { AXIS_PX, LABELS_PX, Painter, type Target } from "./painter";
 import { heightOf, rowsOf, type Row } from "./rows";
 import { momentAt, panned, pixelOf, zoomed } from "./scale";
 import { Tools, type TimelineTools } from "./tools";
+import { t } from "../language/catalogue";
 
 const CLICK_PX = 5;
 const WHEEL_ZOOM = 0.0018;
@@ -47,7 +48,7 @@ export class Timeline implements TimelineTools {
     this.showing = showing;
   }
 
-  overlay(events: readonly OverlayEvent[], title = "Found"): void {
+  overlay(events: readonly OverlayEvent[], title = t("Found")): void {
     this.found.value = { events, title };
   }
 

@@ -10,6 +10,7 @@ import { Divider } from "./divider";
 import { LABELS_PX, type Target } from "./painter";
 import { durationText, momentText, switchZone, zone } from "./clock";
 import { sentenceOf } from "../words";
+import { say, t } from "../language/catalogue";
 
 const SPEEDS = [1, 2, 4, 8] as const;
 
@@ -41,8 +42,8 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
       <div class="time-tools">
         <button
           class="icon"
-          aria-label="The event before"
-          title="The event before (Page ↑)"
+          aria-label={t("The event before")}
+          title={t("The event before (Page ↑)")}
           disabled={!isThere}
           onClick={() => timeline.step(-1)}
         >
@@ -51,8 +52,8 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
         <button
           class="icon"
           id="play"
-          aria-label={playing === null ? "Play" : "Pause"}
-          title="Play or pause (Space)"
+          aria-label={playing === null ? t("Play") : t("Pause")}
+          title={t("Play or pause (Space)")}
           disabled={!isThere}
           onClick={() => (playing === null ? showing.play(timeline.speed.value) : showing.pause())}
         >
@@ -60,15 +61,15 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
         </button>
         <button
           class="icon"
-          aria-label="The event after"
-          title="The event after (Page ↓)"
+          aria-label={t("The event after")}
+          title={t("The event after (Page ↓)")}
           disabled={!isThere}
           onClick={() => timeline.step(1)}
         >
           <Icon name="after" />
         </button>
         <select
-          aria-label="Speed"
+          aria-label={t("Speed")}
           value={timeline.speed.value}
           onChange={(event) => {
             timeline.speed.value = Number(event.currentTarget.value);
@@ -82,41 +83,45 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
           ))}
         </select>
         <output class="number moment" id="shown-moment">
-          {shown === null ? "nothing has happened yet" : momentText(shown)}
+          {shown === null ? t("nothing has happened yet") : momentText(shown)}
         </output>
         <button
           id="zone"
           aria-pressed={zone.value === "utc"}
-          title="Times in UTC, or by the clock of this machine"
+          title={t("Times in UTC, or by the clock of this machine")}
           onClick={switchZone}
         >
           UTC
         </button>
         {at !== null && (
-          <button class="primary" id="go-live" onClick={() => app.moveTo(null)} title="Back to live (L)">
-            Live
+          <button class="primary" id="go-live" onClick={() => app.moveTo(null)} title={t("Back to live (L)")}>
+            {t("Live")}
           </button>
         )}
         <span class="grow" />
         {timeline.found.value.events.length > 0 && (
-          <button class="chip found" title="Remove from the timeline" onClick={() => timeline.overlay([])}>
+          <button
+            class="chip found"
+            title={t("Remove from the timeline")}
+            onClick={() => timeline.overlay([])}
+          >
             ◇ {timeline.found.value.title} ({timeline.found.value.events.length}) ✕
           </button>
         )}
         {showing.isHistoryUnread.value && (
           <span class="soft" role="status" id="unread-time">
-            grey: not read yet
+            {t("grey: not read yet")}
           </span>
         )}
-        {showing.history.hasMore && <span class="soft">more than is shown: zoom in</span>}
+        {showing.history.hasMore && <span class="soft">{t("more than is shown: zoom in")}</span>}
         <span class="soft number span-length">{durationText(to - from)}</span>
-        <button class="icon" aria-label="Shorter time" onClick={() => timeline.zoom(1.6)}>
+        <button class="icon" aria-label={t("Shorter time")} onClick={() => timeline.zoom(1.6)}>
           <Icon name="plus" />
         </button>
-        <button class="icon" aria-label="Longer time" onClick={() => timeline.zoom(1 / 1.6)}>
+        <button class="icon" aria-label={t("Longer time")} onClick={() => timeline.zoom(1 / 1.6)}>
           <Icon name="minus" />
         </button>
-        <button class="icon" aria-label="All of the time" onClick={() => void timeline.fit()}>
+        <button class="icon" aria-label={t("All of the time")} onClick={() => void timeline.fit()}>
           <Icon name="all" />
         </button>
       </div>
@@ -125,12 +130,16 @@ export function Tools({ app, showing, timeline }: { app: App; showing: Showing; 
           id="timeline"
           tabIndex={0}
           role="slider"
-          aria-label="Moment that is shown"
+          aria-label={t("Moment that is shown")}
           aria-valuemin={Math.round(from / 1000)}
           aria-valuemax={Math.round(to / 1000)}
           aria-valuenow={Math.round((shown ?? to) / 1000)}
           aria-valuetext={
-            shown === null ? "nothing has happened yet" : `${at === null ? "live, " : ""}${momentText(shown)}`
+            shown === null
+              ? t("nothing has happened yet")
+              : at === null
+                ? t("live, {0}", momentText(shown))
+                : momentText(shown)
           }
         />
         <Hovered timeline={timeline} />
@@ -155,15 +164,18 @@ function Hovered({ timeline }: { timeline: TimelineTools }) {
         <>
           <b>{target.stay.name}</b>{" "}
           <span class="soft">
-            in {target.row.label}
-            {target.stay.to === null ? "" : ` for ${durationText(target.stay.to - target.stay.from)}`}
+            {say(
+              "in {0}{1}",
+              target.row.label,
+              target.stay.to === null ? "" : t(" for {0}", durationText(target.stay.to - target.stay.from)),
+            )}
           </span>
         </>
       ) : (
         <>
           <b>{sentenceOf(target.event, timeline.map)}</b>
           {target.kind === "event" && target.count > 1 && (
-            <span class="soft"> and {target.count - 1} more</span>
+            <span class="soft"> {say("and {0} more", target.count - 1)}</span>
           )}
           <div class="soft number">{momentText(Date.parse(target.event.stamp))}</div>
         </>

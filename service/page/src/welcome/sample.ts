@@ -5,6 +5,7 @@ import { signal } from "@preact/signals";
 import type { App } from "../app";
 import { path } from "../api";
 import { problemOf } from "../unanswered";
+import { t } from "../language/catalogue";
 
 export const SAMPLE = "sample";
 
@@ -35,10 +36,10 @@ export async function playSample(app: App): Promise<void> {
     await app.reloadMaps(SAMPLE);
     app.moveTo(null);
     await tell(app, rowsOf(data.walk), rowsOf(data.doors));
-    app.announce("The sample is over: everybody has left.");
+    app.announce(t("The sample is over: everybody has left."));
   } catch (error) {
     const { detail, remedy } = problemOf(error);
-    app.announce(`The sample could not be played. ${detail} ${remedy}`, "error");
+    app.announce(t("The sample could not be played. {0} {1}", detail, remedy), "error");
   } finally {
     isPlaying.value = false;
   }

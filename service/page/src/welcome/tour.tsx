@@ -8,6 +8,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { App } from "../app";
 import { isSideOpen } from "../chrome/side";
 import type { Tab } from "../state";
+import { say, t } from "../language/catalogue";
 
 interface Step {
   title: string;
@@ -19,30 +20,40 @@ interface Step {
 
 const STEPS: readonly Step[] = [
   {
-    title: "The map",
-    text: "Rooms are coloured by how many are in them. Drag to move it, turn the wheel to come nearer; click on anything to see what is known of it.",
+    title: t("The map"),
+    text: t(
+      "Rooms are coloured by how many are in them. Drag to move it, turn the wheel to come nearer; click on anything to see what is known of it.",
+    ),
     of: "#scene",
   },
   {
-    title: "The timeline",
-    text: "Who was in which room, how doors stood, and what happened. Click on any moment to see it on the map; Live brings you back.",
+    title: t("The timeline"),
+    text: t(
+      "Who was in which room, how doors stood, and what happened. Click on any moment to see it on the map; Live brings you back.",
+    ),
     of: "#time",
   },
   {
-    title: "What happened",
-    text: "Events as rules find them. Find any by words, or by person, room and day; a click shows the moment and why it happened.",
+    title: t("What happened"),
+    text: t(
+      "Events as rules find them. Find any by words, or by person, room and day; a click shows the moment and why it happened.",
+    ),
     of: "#side",
     tab: "events",
   },
   {
-    title: "Rules",
-    text: "What shall be told: a rule is made from a sentence or a template, and a dry run shows what it would have found.",
+    title: t("Rules"),
+    text: t(
+      "What shall be told: a rule is made from a sentence or a template, and a dry run shows what it would have found.",
+    ),
     of: "#side",
     tab: "rules",
   },
   {
-    title: "Your building",
-    text: "Draw rooms and doors here, or drop a file of a building anywhere on the page. Every change can be undone.",
+    title: t("Your building"),
+    text: t(
+      "Draw rooms and doors here, or drop a file of a building anywhere on the page. Every change can be undone.",
+    ),
     of: "#side",
     tab: "edit",
   },
@@ -73,7 +84,7 @@ export function Tour({ app }: { app: App }) {
     <section
       class="tour"
       role="dialog"
-      aria-label="Tour"
+      aria-label={t("Tour")}
       onKeyDown={(event) => {
         if (event.key !== "Escape") return;
         event.stopPropagation();
@@ -85,14 +96,12 @@ export function Tour({ app }: { app: App }) {
       </h2>
       <p>{text}</p>
       <div class="row">
-        <span class="soft number">
-          {at + 1} of {STEPS.length}
-        </span>
+        <span class="soft number">{say("{0} of {1}", at + 1, STEPS.length)}</span>
         <span class="grow" />
-        {!isLast && <button onClick={() => (tourAt.value = null)}>Leave</button>}
-        {at > 0 && <button onClick={() => (tourAt.value = at - 1)}>Back</button>}
+        {!isLast && <button onClick={() => (tourAt.value = null)}>{t("Leave")}</button>}
+        {at > 0 && <button onClick={() => (tourAt.value = at - 1)}>{t("Back")}</button>}
         <button class="primary" onClick={() => (tourAt.value = isLast ? null : at + 1)}>
-          {isLast ? "Done" : "Next"}
+          {isLast ? t("Done") : t("Next")}
         </button>
       </div>
     </section>

@@ -10,6 +10,7 @@ import { ProblemNote } from "../panel/problem";
 import { problemOf } from "../unanswered";
 import { isPlaying, playSample, stopSample } from "./sample";
 import { tourAt } from "./tour";
+import { say, t } from "../language/catalogue";
 
 const FIRST_NAME = "building";
 
@@ -29,18 +30,18 @@ export function Welcome({ app }: { app: App }) {
   };
   return (
     <div class="stage-note welcome" id="no-map">
-      <h2>Welcome: there is no map yet</h2>
-      <Guarded app={app} what="Making a map" isShared>
+      <h2>{t("Welcome: there is no map yet")}</h2>
+      <Guarded app={app} what={t("Making a map")} isShared>
         <form
           class="row"
-          aria-label="Draw a building"
+          aria-label={t("Draw a building")}
           onSubmit={(event) => {
             event.preventDefault();
             void draw();
           }}
         >
           <label class="field grow">
-            <span>Name of the building</span>
+            <span>{t("Name of the building")}</span>
             <input
               value={name.value}
               maxLength={200}
@@ -49,7 +50,7 @@ export function Welcome({ app }: { app: App }) {
             />
           </label>
           <button type="submit" class="primary" disabled={name.value.trim() === ""}>
-            Draw it
+            {t("Draw it")}
           </button>
         </form>
         {problem.value && <ProblemNote problem={problem.value} />}
@@ -60,19 +61,20 @@ export function Welcome({ app }: { app: App }) {
               app.state.tab.value = "import";
             }}
           >
-            Import a file
+            {t("Import a file")}
           </button>
           <button disabled={isPlaying.value} onClick={() => void playSample(app)}>
-            Play the sample
+            {t("Play the sample")}
           </button>
         </div>
       </Guarded>
       <div class="row">
-        <button onClick={() => (tourAt.value = 0)}>Take the tour</button>
+        <button onClick={() => (tourAt.value = 0)}>{t("Take the tour")}</button>
       </div>
       <p class="soft">
-        A file is a building (.geojson, .ifc, .gml) or a map (.yaml, or the .zip of an export): drop it
-        anywhere. The sample is an office with three people, for a minute.
+        {t(
+          "A file is a building (.geojson, .ifc, .gml) or a map (.yaml, or the .zip of an export): drop it anywhere. The sample is an office with three people, for a minute.",
+        )}
       </p>
     </div>
   );
@@ -83,8 +85,10 @@ export function SampleBanner() {
   if (!isPlaying.value) return null;
   return (
     <div class="banner" role="status" id="sample">
-      The sample is being played: three people in an office.
-      <button onClick={stopSample}>Stop</button>
+      {say(
+        "The sample is being played: three people in an office.{0}",
+        <button onClick={stopSample}>{t("Stop")}</button>,
+      )}
     </div>
   );
 }
