@@ -113,7 +113,7 @@ class Session:
     folder: Path
     port: int
     environment: Mapping[str, str]
-    patience_s: float = PATIENCE_S
+    patience_s: float = 4 * PATIENCE_S
 
     def follow(self, page: Path) -> None:
         """Do all that a page says.

@@ -15,7 +15,7 @@ from semap.store.operate.rule_slot import ensure_slot
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-PATIENCE_MS = 30_000
+PATIENCE_MS = 120_000
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

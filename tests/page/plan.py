@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 
 Point = tuple[float, float]
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 
 
 @dataclass

@@ -17,6 +17,7 @@ from world import SECOND_US, State, World
 
 from semap.batch.recompute import Plan, recompute
 from semap.batch.stored_tracks import read_states, read_tracks
+from semap.intake import enrichment
 from semap.store.database.connection import connect, open_engine
 from semap.store.event import events
 from semap.store.features.collection import get_collection
@@ -24,7 +25,6 @@ from semap.store.features.page import Wanted, read_page
 from semap.store.features.placing import placing_of
 from semap.store.motion import moment, plan, track_history
 from semap.timeline.stamp import to_datetime, to_us
-from semap.worker import enrichment
 
 ROOMS = {"west": shapely.box(0, 0, 4, 4), "east": shapely.box(4, 0, 8, 4)}
 LIMIT = 700
