@@ -96,7 +96,7 @@ language sql immutable parallel safe as $$
 $$;
 
 -- Arrays, one behind the other.
-create or replace aggregate semap.joined(anycompatiblearray) (
+create or replace aggregate semap.concatenated(anycompatiblearray) (
   sfunc = array_cat, stype = anycompatiblearray, parallel = safe
 );
 
@@ -126,22 +126,22 @@ language sql immutable parallel safe rows 1000 as $$
     cross join lateral (select semap.as_row(c.track_ids, c.states, 0::bigint) as track_ids) i group by i.track_ids
   ), by_track as (
     select track_ids[i] as track_id, array_agg(number) as numbers,
-           semap.joined(x_m[:][i:i]) as x_m, semap.joined(y_m[:][i:i]) as y_m,
-           array_replace(semap.joined(z_m[:][i:i]), 'NaN', null) as z_m,
-           array_replace(semap.joined(std_m[:][i:i]), '0.1', null)::real[] as std_m,
-           semap.joined(is_last[:][i:i]) as is_last,
-           array_replace(semap.joined(heading_rad[:][i:i]), 'NaN', null) as heading_rad,
-           array_replace(semap.joined(speed_mps[:][i:i]), 'NaN', null) as speed_mps,
-           array_replace(semap.joined(length_m[:][i:i]), 'NaN', null) as length_m,
-           array_replace(semap.joined(width_m[:][i:i]), 'NaN', null) as width_m,
-           array_replace(semap.joined(std_across_m[:][i:i]), 'NaN', null) as std_across_m,
-           array_replace(semap.joined(std_yaw_rad[:][i:i]), 'NaN', null) as std_yaw_rad
+           semap.concatenated(x_m[:][i:i]) as x_m, semap.concatenated(y_m[:][i:i]) as y_m,
+           array_replace(semap.concatenated(z_m[:][i:i]), 'NaN', null) as z_m,
+           array_replace(semap.concatenated(std_m[:][i:i]), '0.1', null)::real[] as std_m,
+           semap.concatenated(is_last[:][i:i]) as is_last,
+           array_replace(semap.concatenated(heading_rad[:][i:i]), 'NaN', null) as heading_rad,
+           array_replace(semap.concatenated(speed_mps[:][i:i]), 'NaN', null) as speed_mps,
+           array_replace(semap.concatenated(length_m[:][i:i]), 'NaN', null) as length_m,
+           array_replace(semap.concatenated(width_m[:][i:i]), 'NaN', null) as width_m,
+           array_replace(semap.concatenated(std_across_m[:][i:i]), 'NaN', null) as std_across_m,
+           array_replace(semap.concatenated(std_yaw_rad[:][i:i]), 'NaN', null) as std_yaw_rad
     from matrix cross join generate_subscripts(track_ids, 1) i group by track_ids[i]
   ), paced as materialized ( -- most tracks have the same stamps
     select d.numbers, semap.offsets_us(s.stamps) as offsets_us, (select min(t) from unnest(s.stamps) t) as from_stamp,
            (select max(t) from unnest(s.stamps) t) as to_stamp
     from (select distinct numbers from by_track) d cross join lateral (
-      select semap.joined(m.stamps order by n.place) as stamps
+      select semap.concatenated(m.stamps order by n.place) as stamps
       from unnest(d.numbers) with ordinality n (number, place) join matrix m using (number)) s
   )
   select c.*
