@@ -4,7 +4,7 @@ or within its write."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 import psycopg
@@ -125,9 +125,10 @@ def test_a_correction_that_is_killed_is_done_over(world: World, what: str, point
         found = known(world)
         assert world.one(corrected.count_due) > 0
         assert before > 0
-        with correcting(world.dsn):
+        with ExitStack() as work:
             with holder.transaction():
                 holder.execute(hold, [world.map_id] if "%s" in hold else None)
+                work.enter_context(correcting(world.dsn))
                 killed = wait_for_the_one_that(holder, world.connection)
                 assert world.one(HAS_WRITTEN, killed) == (point == "half_written")
                 world.one("select pg_terminate_backend(%s)", killed)

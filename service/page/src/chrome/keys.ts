@@ -9,6 +9,7 @@ import { isHelpOpen } from "./head";
 import { isSideOpen } from "./side";
 import { toggleTheme } from "./theme";
 import { t } from "../language/catalogue";
+import { tourAt } from "../welcome/tour";
 
 /** Keys and what they do, as the help lists them. */
 export const KEYS: readonly [string[], string][] = [
@@ -48,13 +49,19 @@ export function startKeys(app: App, showing: Showing, stage: Stage): void {
     else if (event.key === "/") find(app);
     else if (event.key === "p") isSideOpen.value = !isSideOpen.value;
     else if (event.key === "d") toggleTheme();
-    else if (event.key === "Escape") app.state.selection.value = null;
+    else if (event.key === "Escape") leave(app);
     else if (event.key === " " && !isControl(event.target)) {
       if (showing.playing.value === null) showing.play(1);
       else showing.pause();
     } else return;
     event.preventDefault();
   });
+}
+
+/** Leaves the tour, wherever the focus is; without one, selects nothing. */
+function leave({ state }: App): void {
+  if (tourAt.value !== null) tourAt.value = null;
+  else state.selection.value = null;
 }
 
 /** Goes to the field of what is found on the map; among the events, to that of the events. */

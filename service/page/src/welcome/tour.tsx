@@ -81,16 +81,7 @@ export function Tour({ app }: { app: App }) {
   const { title, text } = STEPS[at]!;
   const isLast = at === STEPS.length - 1;
   return (
-    <section
-      class="tour"
-      role="dialog"
-      aria-label={t("Tour")}
-      onKeyDown={(event) => {
-        if (event.key !== "Escape") return;
-        event.stopPropagation();
-        tourAt.value = null;
-      }}
-    >
+    <section class="tour" role="dialog" aria-label={t("Tour")}>
       <h2 ref={heading} tabIndex={-1}>
         {title}
       </h2>
