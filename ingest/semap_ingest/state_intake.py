@@ -8,7 +8,7 @@ halves and refused alone. So no record keeps others from being written.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from uuid import UUID
 
@@ -89,6 +89,21 @@ class Taken:
     stored: int = 0
     late: list[int] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """States of one source.
+
+    track_id  of each state
+    """
+
+    source_id: int
+    states: NamedStates
+    track_id: NDArray[np.int64]
+
+    def take(self, rows: NDArray[np.int64]) -> _Batch:
+        return replace(self, states=self.states.take(rows), track_id=self.track_id[rows])
 
 
 class StateIntake:
@@ -180,10 +195,10 @@ class StateIntake:
     def _write_one(self, connection: Connection, said: Said, put: Put) -> Taken:
         source_id = self._sources[said.source]
         taken = Taken()
-        states, track_id = self._known(said, taken)
-        if len(states):
-            put(connection, source_id, states, track_id, taken)
-            self._note_late(connection, source_id, states, track_id, taken)
+        batch = self._known(said, taken)
+        if len(batch.states):
+            put(connection, batch, taken)
+            self._note_late(connection, batch, taken)
         self._end_tracks(connection, said, source_id)
         if said.objects:
             self._write_objects(connection, said, taken)
@@ -195,32 +210,26 @@ class StateIntake:
             )
         return taken
 
-    def _known(self, said: Said, taken: Taken) -> tuple[NamedStates, NDArray[np.int64]]:
-        """The states, with the ids of their tracks, of those that the source still has."""
+    def _known(self, said: Said, taken: Taken) -> _Batch:
+        """The states of those tracks that the source still has."""
         ids = self._tracks[said.source]
         track_id = np.array([ids.get(name, 0) for name in said.states.names], dtype=np.int64)
+        batch = _Batch(self._sources[said.source], said.states, track_id)
         if (track_id > 0).all():
-            return said.states, track_id
+            return batch
         for row in np.flatnonzero(track_id == 0):
             name = said.states.names[int(row)]
             taken.refused.append(
                 Refused(int(said.states.index[row]), "track of another source", f"{name} was handed over")
             )
-        rows = np.flatnonzero(track_id > 0)
-        return said.states.take(rows), track_id[rows]
+        return batch.take(np.flatnonzero(track_id > 0))
 
-    def _all(
-        self,
-        connection: Connection,
-        source_id: int,
-        states: NamedStates,
-        track_id: NDArray[np.int64],
-        taken: Taken,
-    ) -> None:
+    def _all(self, connection: Connection, batch: _Batch, taken: Taken) -> None:
+        states = batch.states
         measured = {name: states.values[name] for name in MEASURES if name in states.values}
         write = state_writer(
-            source_id,
-            track_id,
+            batch.source_id,
+            batch.track_id,
             states.stamp_us,
             states.value("x_m"),
             states.value("y_m"),
@@ -232,61 +241,43 @@ class StateIntake:
             write(cursor)
         taken.stored += len(states)
 
-    def _usable(
-        self,
-        connection: Connection,
-        source_id: int,
-        states: NamedStates,
-        track_id: NDArray[np.int64],
-        taken: Taken,
-    ) -> None:
+    def _usable(self, connection: Connection, batch: _Batch, taken: Taken) -> None:
+        states = batch.states
         stamps = [to_datetime(each) for each in np.unique(states.stamp_us).tolist()]
-        wanted = {"track_ids": np.unique(track_id).tolist(), "stamps": stamps}
+        wanted = {"track_ids": np.unique(batch.track_id).tolist(), "stamps": stamps}
         rows = connection.execute(FIND_STORED, {**wanted, "first": stamps[0], "last": stamps[-1]})
         stored = {(id_, stamp_us) for id_, stamp_us in rows}
-        keys = list(zip(track_id.tolist(), states.stamp_us.tolist(), strict=True))
+        keys = list(zip(batch.track_id.tolist(), states.stamp_us.tolist(), strict=True))
         for row, key in enumerate(keys):
             if key in stored:
                 detail = f"{states.names[row]} has a state at {to_datetime(key[1]).isoformat()} already"
                 taken.refused.append(Refused(int(states.index[row]), REPEATED, detail))
         fresh = np.array([row for row, key in enumerate(keys) if key not in stored], dtype=np.int64)
-        self._by_halves(connection, source_id, states.take(fresh), track_id[fresh], taken)
+        self._by_halves(connection, batch.take(fresh), taken)
 
-    def _by_halves(
-        self,
-        connection: Connection,
-        source_id: int,
-        states: NamedStates,
-        track_id: NDArray[np.int64],
-        taken: Taken,
-    ) -> None:
-        if not len(states):
+    def _by_halves(self, connection: Connection, batch: _Batch, taken: Taken) -> None:
+        count = len(batch.states)
+        if not count:
             return
         try:
             with translated(), connection.begin_nested():
-                self._all(connection, source_id, states, track_id, taken)
+                self._all(connection, batch, taken)
         except (Conflict, InvalidInput) as error:
-            if len(states) == 1:
-                taken.refused.append(Refused(int(states.index[0]), "refused by the database", str(error)))
+            if count == 1:
+                index = int(batch.states.index[0])
+                taken.refused.append(Refused(index, "refused by the database", str(error)))
                 return
-            middle = len(states) // 2
-            for rows in (np.arange(middle), np.arange(middle, len(states))):
-                self._by_halves(connection, source_id, states.take(rows), track_id[rows], taken)
+            for rows in (np.arange(count // 2), np.arange(count // 2, count)):
+                self._by_halves(connection, batch.take(rows), taken)
 
-    def _note_late(
-        self,
-        connection: Connection,
-        source_id: int,
-        states: NamedStates,
-        track_id: NDArray[np.int64],
-        taken: Taken,
-    ) -> None:
+    def _note_late(self, connection: Connection, batch: _Batch, taken: Taken) -> None:
         refused = {each.index for each in taken.refused}
+        states = batch.states
         first, last = to_datetime(int(states.stamp_us.min())), to_datetime(int(states.stamp_us.max()))
-        found = connection.execute(FIND_LATE, {"source_id": source_id, "first": first, "last": last})
+        found = connection.execute(FIND_LATE, {"source_id": batch.source_id, "first": first, "last": last})
         late = {(id_, stamp_us) for id_, stamp_us in found}
         if late:
-            keys = zip(track_id.tolist(), states.stamp_us.tolist(), states.index.tolist(), strict=True)
+            keys = zip(batch.track_id.tolist(), states.stamp_us.tolist(), states.index.tolist(), strict=True)
             taken.late += [index for id_, us, index in keys if (id_, us) in late and index not in refused]
 
     def _end_tracks(self, connection: Connection, said: Said, source_id: int) -> None:
@@ -323,7 +314,7 @@ class StateIntake:
         return self._sources[name]
 
 
-Put = Callable[[Connection, int, NamedStates, NDArray[np.int64], Taken], None]
+Put = Callable[[Connection, _Batch, Taken], None]
 
 
 def _cursor(connection: Connection) -> psycopg.Cursor:

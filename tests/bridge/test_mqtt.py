@@ -154,7 +154,7 @@ def test_rules_need_not_wait_for_more(world: World, tmp_path: Path, mosquitto: M
     """A stamp is complete once nothing more comes of it, and what has no stamp up to now."""
     live = {"topic": "live/{tag}", "track": "{tag}", "x": "$.x", "y": "$.y"}
     said = "select coalesce((extract(epoch from watermark) * 1000000)::bigint, 0) from semap.source where name = %s"
-    one = entry(tmp_path, mosquitto.port, read=[UWB, live])
+    one = entry(tmp_path, mosquitto.port, read=[UWB, live], settle_s=1)
     with running(world, one), peer(mosquitto.port) as tracker:
         until_read(world, lambda: tracker.say("uwb/a/position", uwb(FIRST_US, 0, 0)), 1)
         until(lambda: world.one(said, "lines") == FIRST_US)
