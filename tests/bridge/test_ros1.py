@@ -19,6 +19,7 @@ from robots import STRING, Robot, closing, hearing, marks, ros_entry, rows, scan
 from rule_work import running_worker
 from semap_bridge.adapters.ros.playing import play
 from semap_bridge.checking import check_bridge
+from semap_bridge.config import Entry, read_config
 from semap_bridge.ros.master import Rospy
 from semap_bridge.ros.message import messages
 from semap_ingest.simulation.office import OfficePaths
@@ -78,14 +79,24 @@ def joined(master: str, node: str) -> Rospy:
     return made[0]
 
 
-def entry_of(folder: Path, master: str, **settings: object):
+def documented(folder: Path, master: str) -> Entry:
+    """The config of the documentation, with the master of this test."""
+    page = (Path(__file__).parents[2] / "docs/bridges/ros.md").read_text()
+    written = page.partition('title="robot-ros1.yaml"\n')[2].partition("```")[0]
+    assert "http://127.0.0.1:11311" in written
+    (folder / "robot-ros1.yaml").write_text(written.replace("http://127.0.0.1:11311", master))
+    (entry,) = read_config(folder / "robot-ros1.yaml").bridges
+    return entry
+
+
+def entry_of(folder: Path, master: str, **settings: object) -> Entry:
     return ros_entry(folder, kind="ros1", master=master, own_address="127.0.0.1", python=PYTHON, **settings)
 
 
 def test_a_recording_played_by_rospy_is_understood_and_told_of(
     master: str, office_map: str, office: OfficePaths, tmp_path: Path
 ) -> None:
-    with running_worker(office_map), running(Dsn(office_map), entry_of(tmp_path, master, robot="base_link")):
+    with running_worker(office_map), running(Dsn(office_map), documented(tmp_path, master)):
         with closing(joined(master, "player")) as player:
             play(office.recording, player, Signal(), speed=1.0, wait_s=60.0)
             until(lambda: rows(office_map, "select from semap.event"), lambda: str(told(office_map)))
