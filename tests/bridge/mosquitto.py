@@ -26,19 +26,26 @@ needs_mosquitto = pytest.mark.skipif(
 
 @dataclass
 class Mosquitto:
-    """A broker that runs from `start` to `stop`; `more` are lines of its config."""
+    """A broker that runs from `start` to `stop`; `more` are lines of its config.
+
+    disk_is_full  nothing can be written to a file, which it meets as it meets a full disk
+    """
 
     folder: Path
     more: str = "allow_anonymous true\n"
     port: int = field(default_factory=free_port)
+    disk_is_full: bool = False
     process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
         config = self.folder / "mosquitto.conf"
         kept = f"persistence true\npersistence_location {self.folder}/\n"
         config.write_text(f"user root\nlistener {self.port} 127.0.0.1\n{kept}{self.more}")
+        full = "trap '' XFSZ; ulimit -f 0; " if self.disk_is_full else ""
         self.process = subprocess.Popen(
-            [str(PROGRAM), "-c", str(config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            ["sh", "-c", f'{full}exec {PROGRAM} -c "{config}"'],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         until(self._listens, self._require_alive)
 

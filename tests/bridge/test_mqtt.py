@@ -192,6 +192,30 @@ def test_a_broker_that_goes_is_waited_for(world: World, tmp_path: Path, mosquitt
     assert heard <= set(made)
 
 
+def test_a_broker_whose_disk_is_full_is_used_all_the_same(
+    world: World, tmp_path: Path, mosquitto: Mosquitto
+) -> None:
+    """Mosquitto goes on from its memory. When it starts again it knows no session: the bridge subscribes anew."""
+    mosquitto.stop()
+    mosquitto.more += "autosave_interval 1\nautosave_on_changes true\n"
+    mosquitto.disk_is_full = True
+    mosquitto.start()
+    one = entry(tmp_path, mosquitto.port, read=[UWB], write="semap/events", from_start=True)
+    with running(world, one):
+        for time in range(2):
+            stamp_us = FIRST_US + time * SECOND_US
+            with peer(mosquitto.port, "semap/events") as tracker:
+                until_read(world, lambda at=stamp_us: tracker.say("uwb/a/position", uwb(at, 0, 0)), time + 1)
+                made = make_events(world, 5)
+                assert [json.loads(tracker.heard.get(timeout=60).payload)["id"] for _ in made] == made
+            mosquitto.stop()
+            until(lambda: report(world)["state"] == "waiting")
+            mosquitto.start()
+    assert not list(tmp_path.glob("mosquitto.db*")) or not sum(
+        each.stat().st_size for each in tmp_path.glob("mosquitto.db*")
+    )
+
+
 def test_what_happens_before_a_broker_first_answers_goes_out(
     world: World, tmp_path: Path, mosquitto: Mosquitto
 ) -> None:
