@@ -43,15 +43,37 @@ def folder(tmp_path: Path) -> Path:
     _openssl(
         tmp_path, "req", "-x509", *NEW_KEY, "-keyout", "other.key", "-out", "other.pem", "-subj", "/CN=client"
     )
-    for csr, out, days in (("server", "server", 2), ("client", "client", -1), ("client", "renewed", 2)):
+    (tmp_path / "ca.conf").write_text(AUTHORITY)
+    (tmp_path / "issued").touch()
+    for csr, out, dates in (
+        ("server", "server", NOW),
+        ("client", "client", PAST),
+        ("client", "renewed", NOW),
+    ):
         _openssl(
-            tmp_path, "x509", "-req", "-in", f"{csr}.csr", "-CA", "ca.pem", "-CAkey", "ca.key",
-            "-CAcreateserial", "-days", str(days), "-extfile", "names", "-out", f"{out}.pem",
+            tmp_path, "ca", "-batch", "-notext", "-config", "ca.conf", "-extfile", "names", *dates,
+            "-in", f"{csr}.csr", "-out", f"{out}.pem",
         )  # fmt: skip
     return tmp_path
 
 
 NEW_KEY = ("-newkey", "rsa:2048", "-nodes")
+AUTHORITY = """
+[ca]
+default_ca = own
+[own]
+certificate = ca.pem
+private_key = ca.key
+database = issued
+unique_subject = no
+new_certs_dir = .
+rand_serial = yes
+default_md = sha256
+policy = any
+[any]
+commonName = supplied
+"""
+NOW, PAST = ("-days", "2"), ("-startdate", "20200101000000Z", "-enddate", "20200102000000Z")
 
 
 def _openssl(folder: Path, *arguments: str) -> None:

@@ -164,6 +164,7 @@ def test_two_at_once_one_passes(world: World) -> None:
         other.execute("select pg_advisory_lock(%s, 0)", [maintenance.MAINTENANCE_LOCK])
         assert maintain(world.dsn) == Maintained(is_busy=True)
         assert maintain(world.dsn, dry_run=True).made_days
+        other.execute("select pg_advisory_unlock(%s, 0)", [maintenance.MAINTENANCE_LOCK])
     assert not maintain(world.dsn).is_busy
 
 

@@ -375,7 +375,7 @@ def test_who_takes_nothing_even_then_is_cut_off(
 def test_who_falls_ever_further_behind_is_told(service: Service) -> None:
     """It takes each message in time, but far fewer than there are."""
     service.make_map()
-    service.pace(patience_s=3, most_behind=1000)
+    service.pace(patience_s=15, most_behind=1000)
     with narrow(service) as made, connect(service.feed_url, sock=made, max_queue=1) as slow:
         assert message(slow)["type"] == "hello"
         last = 15_000
