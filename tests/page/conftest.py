@@ -1,10 +1,9 @@
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from measured import DESKTOP, LARGEST_TOUCHED_PX, flaws, take_picture
+from measured import CHROMIUM, DESKTOP, LARGEST_TOUCHED_PX, PATIENCE_MS, SOFTWARE_GL, flaws, take_picture
 from plan import Plan
 from playwright.sync_api import (
     Browser,
@@ -23,13 +22,10 @@ from semap.cluster import Cluster
 from semap.store.database.connection import connect
 from semap.store.operate.rule_slot import ensure_slot
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-PATIENCE_MS = 120_000
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--screenshots", metavar="DIR", help="write pictures of the page's states there")
+    parser.addoption("--renew-pictures", action="store_true", help="keep what the page looks like now")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
