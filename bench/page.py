@@ -54,6 +54,9 @@ PATIENCE_S = 60.0
 FLOOR = Floor(8, 6)
 ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
+# Somebody has moved a moment ago.
+FRESH = "#status.live"
+
 FRAMES = """(length_ms) => new Promise((resolve) => {
     const times = [];
     let last = performance.now();
@@ -95,7 +98,8 @@ def _map_of(people: int) -> str:
 
 def _while_they_move(dsn: str, url: str, crowd: Crowd, track_ids: NDArray[np.int64]) -> dict[str, object]:
     done = Signal()
-    walking = Thread(target=_move, args=(dsn, track_ids, crowd.moving, done))
+    places = walk(FLOOR, len(track_ids), 2000, pause_s=1.0)
+    walking = Thread(target=_move, args=(dsn, track_ids, places, crowd.moving, done))
     walking.start()
     try:
         return _in_browser(url, crowd)
@@ -113,6 +117,7 @@ def _in_browser(url: str, crowd: Crowd) -> dict[str, object]:
         page.wait_for_selector("#status[data-state=live]", timeout=PATIENCE_S * 1000)
         page.wait_for_load_state("networkidle")
         first_picture_ms = page.evaluate(FIRST_PICTURE)
+        page.wait_for_selector(FRESH, timeout=PATIENCE_S * 1000)
         frames_ms = np.array(page.evaluate(FRAMES, LENGTH_S * 1000))
         browser.close()
     p50, p95 = np.percentile(frames_ms, (50, 95))
@@ -170,9 +175,10 @@ def _sections(triangles: int) -> tuple[int, int]:
     return around, round(triangles / 2 / around)
 
 
-def _move(dsn: str, track_ids: NDArray[np.int64], moving: int, done: Signal) -> None:
+def _move(
+    dsn: str, track_ids: NDArray[np.int64], places: NDArray[np.float64], moving: int, done: Signal
+) -> None:
     """All are seen once, and then those who move as long as it takes."""
-    places = walk(FLOOR, len(track_ids), 2000, pause_s=1.0)
     statement = (
         "insert into semap.track_state (track_id, stamp, x_m, y_m)"
         " select id, clock_timestamp(), x, y"

@@ -6,16 +6,17 @@
 -- The newest state of each track whose position was not flushed. Most chunks are of the tracks of the next newer one,
 -- so they are not opened; a source has one chunk of each stamp that is not flushed (sql/135).
 create or replace view semap.unflushed_state as
-  select distinct on (n.source_id, s.track_id) n.source_id, s.track_id, s as state
-  from semap.source_count n
-  cross join lateral (
-    select c.from_stamp, lag(c.track_ids) over (order by c.from_stamp desc) is distinct from c.track_ids as is_newest
-    from semap.state_chunk c
-    where c.source_id = n.source_id and c.track_id is null and c.from_stamp > n.flushed_stamp) k
-  join semap.state_chunk c on c.source_id = n.source_id and c.track_id is null and c.from_stamp = k.from_stamp
+  select distinct on (k.source_id, s.track_id) k.source_id, s.track_id, s as state
+  from (
+    select n.source_id, c.from_stamp,
+           lag(c.track_ids) over (partition by n.source_id order by c.from_stamp desc) is distinct from c.track_ids
+             as is_newest
+    from semap.source_count n join semap.state_chunk c on c.source_id = n.source_id and c.from_stamp > n.flushed_stamp
+    where n.unflushed > 0 and c.track_id is null) k
+  join semap.state_chunk c on c.source_id = k.source_id and c.track_id is null and c.from_stamp = k.from_stamp
   cross join lateral semap.states_of(c) s
-  where n.unflushed > 0 and k.is_newest
-  order by n.source_id, s.track_id, s.stamp desc;
+  where k.is_newest
+  order by k.source_id, s.track_id, s.stamp desc;
 
 -- The present of a track, as a state.
 create or replace function semap.present_state(p_now semap.track_now) returns setof semap.track_state

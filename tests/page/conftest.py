@@ -1,10 +1,19 @@
-import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from measured import CHROMIUM, DESKTOP, LARGEST_TOUCHED_PX, PATIENCE_MS, SOFTWARE_GL, flaws, take_picture
 from plan import Plan
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Page,
+    Request,
+    expect,
+    sync_playwright,
+)
 from semap_service.http.page import FILES
 from served import Office, Served
 from server import fresh_database
@@ -13,13 +22,10 @@ from semap.cluster import Cluster
 from semap.store.database.connection import connect
 from semap.store.operate.rule_slot import ensure_slot
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-PATIENCE_MS = 120_000
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--screenshots", metavar="DIR", help="write pictures of the page's states there")
+    parser.addoption("--renew-pictures", action="store_true", help="keep what the page looks like now")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -91,21 +97,62 @@ class Watched:
 
 
 @pytest.fixture
-def page(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Page]:
+def size() -> tuple[int, int]:
+    """Width and height of the window [px]; what is no wider than a tablet is touched. Tests give others by this name."""
+    return DESKTOP
+
+
+@pytest.fixture
+def theme() -> str:
+    return "light"
+
+
+@pytest.fixture
+def reader() -> dict[str, Any]:
+    """What else is told of who looks at it, as Playwright's contexts take it: language, zone, permissions."""
+    return {}
+
+
+@pytest.fixture
+def context(
+    browser: Browser, size: tuple[int, int], theme: str, reader: dict[str, Any]
+) -> Iterator[BrowserContext]:
+    width, height = size
+    is_touched = width <= LARGEST_TOUCHED_PX
+    made = browser.new_context(
+        viewport={"width": width, "height": height},
+        is_mobile=is_touched,
+        has_touch=is_touched,
+        reduced_motion="reduce",
+        color_scheme="dark" if theme == "dark" else "light",
+        **reader,
+    )
+    made.set_default_timeout(PATIENCE_MS)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext, request: pytest.FixtureRequest) -> Iterator[Page]:
     """A page that has not gone anywhere yet."""
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
-    context.set_default_timeout(PATIENCE_MS)
     opened = context.new_page()
     watched = Watched(opened)
     yield opened
-    folder = request.config.getoption("--screenshots")
-    if folder:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        opened.screenshot(path=Path(folder) / f"{request.node.name}.png")
-    context.close()
+    take_picture(opened, request)
     assert len(watched.hosts) <= 1, "the page asks other hosts"
     if "fails_requests" not in request.fixturenames:
         assert watched.errors == []
+
+
+@pytest.fixture
+def look(page: Page, request: pytest.FixtureRequest) -> Callable[[str], list[str]]:
+    """Looks at a state of the page: what is wrong with it, and a picture of it where they are asked for."""
+
+    def looked(state: str) -> list[str]:
+        take_picture(page, request, f"-{state}")
+        return flaws(page)
+
+    return looked
 
 
 @pytest.fixture

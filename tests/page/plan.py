@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass
 
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 Point = tuple[float, float]
 
 PATIENCE_S = 120.0
+
+# What is written on a canvas leaves no trace in the document.
+RECORD = """() => {
+    window.written = new Map();
+    const note = () => { document.documentElement.dataset.written = [...window.written.keys()].join(", "); };
+    window.forget = () => { window.written.clear(); note(); };
+    const write = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        if (this.canvas.className === "labels")
+            window.written.set(text, {x, y, width: this.measureText(text).width, direction: this.direction});
+        note();
+        write.call(this, text, x, y);
+    };
+}"""
+
+
+def until_written(page: Page, name: str) -> None:
+    """Until the name is on the picture; `RECORD` runs in the page from its beginning."""
+    expect(page.locator("html")).to_have_attribute("data-written", re.compile(re.escape(name)))
 
 
 @dataclass

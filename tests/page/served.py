@@ -126,12 +126,14 @@ class Office:
             self.name,
         )
 
-    def see(self, track_id: int, x_m: float, y_m: float, after_s: float) -> datetime:
+    def see(
+        self, track_id: int, x_m: float, y_m: float, after_s: float, z_m: float | None = None
+    ) -> datetime:
         """A track is somewhere, so long after the beginning."""
         stamp = self.now + timedelta(seconds=after_s)
         self.plain.execute(
-            "insert into semap.track_state (track_id, stamp, x_m, y_m) values (%s, %s, %s, %s)",
-            [track_id, stamp, x_m, y_m],
+            "insert into semap.track_state (track_id, stamp, x_m, y_m, z_m) values (%s, %s, %s, %s, %s)",
+            [track_id, stamp, x_m, y_m, z_m],
         )
         return stamp
 
@@ -180,6 +182,27 @@ class Office:
         row = self.plain.execute(statement, parameters).fetchone()
         assert row is not None
         return row[0]
+
+
+def brought_in(served: Served, name: str, file: bytes) -> str:
+    """The address of the page with a map of this GeoJSON."""
+    made = httpx.post(
+        f"{served.url}/maps/import", params={"name": name}, files={"file": ("a.geojson", file)}, timeout=60
+    )
+    assert made.status_code == 201, made.text
+    return f"{served.url}/#map={name}"
+
+
+def house(*storeys: tuple[str, float, tuple[tuple[str, float, float, float, float], ...]]) -> bytes:
+    """GeoJSON of storeys: name, elevation [m], rooms as `building` takes them."""
+    features = []
+    for storey, elevation_m, rooms in storeys:
+        made = json.loads(building(*rooms))["features"]
+        for each in made:
+            each["properties"] |= {"storey": storey, "elevation_m": elevation_m}
+        features += made
+    levels = {name: elevation_m for name, elevation_m, _ in storeys}
+    return json.dumps({"type": "FeatureCollection", "features": features, "storeys": levels}).encode()
 
 
 def building(*rooms: tuple[str, float, float, float, float]) -> bytes:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-import pytest
-from measured import AXE, OFF_THE_SCREEN, violations
+from measured import flaws, in_every_size
 from playwright.sync_api import Page, expect
 from served import Office
 from test_page_rule_writing import TOLD
@@ -26,18 +25,15 @@ def told_of(page: Page, office: Office) -> int:
     return ann
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (820, 1180), (390, 844)])
-def test_this_browser_tells_of_the_same_again(page: Page, office: Office, size: tuple[int, int]) -> None:
-    page.set_viewport_size({"width": size[0], "height": size[1]})
+@in_every_size
+def test_this_browser_tells_of_the_same_again(page: Page, office: Office) -> None:
     page.add_init_script(TOLD)
     ann = told_of(page, office)
     page.locator("#panel-details").get_by_label("Where").select_option("wherever it is")
     button = page.get_by_role("button", name="In this browser, while the page is open")
     button.click()
     expect(button).to_have_attribute("aria-pressed", "true")
-    if AXE.is_file():
-        page.evaluate(AXE.read_text())
-        assert violations(page) == []
+    assert flaws(page) == []
     office.happen("entered", office.track("bob"), "kitchen", after_s=1)
     office.happen("left", ann, "kitchen", after_s=2)
     office.happen("entered", ann, "kitchen", after_s=3)
@@ -56,7 +52,7 @@ def test_an_address_is_called_for_the_same(page: Page, office: Office) -> None:
     page.get_by_label("At an address").fill("https://example.org/semap")
     page.get_by_role("button", name="Make the webhook").click()
     expect(page.get_by_role("status").filter(has_text="Its secret")).to_contain_text("whsec_")
-    assert page.evaluate(OFF_THE_SCREEN) == []
+    assert flaws(page) == []
     (made,) = [each for each in office.get("/webhooks")["webhooks"] if each["maps"] == [office.name]]
     assert (made["type"], made["filter"], made["url"]) == (
         "entered",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
+from measured import PHONE, in_every_theme
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Locator, Page, expect
 from scipy.spatial.transform import Rotation
 from semap_ingest.fusion.camera_model import unproject
 from semap_ingest.pipeline.rig import CameraEntry, read_rig
@@ -96,7 +97,7 @@ def click_at(page: Page, pane: Locator, right: float, down: float) -> None:
 
 
 def test_the_rig_of_the_page_places_pixels(
-    page: Page, office: Office, tmp_path: Path, request: pytest.FixtureRequest
+    page: Page, office: Office, tmp_path: Path, look: Callable[[str], list[str]]
 ) -> None:
     page.set_viewport_size({"width": 1280, "height": 1400})
     dialog = opened(page, office)
@@ -136,10 +137,7 @@ def test_the_rig_of_the_page_places_pixels(
         [(3.5 + 1) / 16, (10.5 - 2.5) / 11.5],
     )
     assert colour == [*RED, 255]
-    page.evaluate(AXE.read_text())
-    assert violations(page) == []
-    if folder := request.config.getoption("--screenshots"):
-        page.screenshot(path=Path(folder) / "camera.png")
+    assert look("placed") == []
 
     dialog.get_by_label("Persons are found in images of a width of [px]").fill("640")
     with page.expect_download() as download:
@@ -222,26 +220,14 @@ def test_a_file_that_is_no_picture_is_refused(page: Page, office: Office) -> Non
     expect(dialog.get_by_role("img", name="kitchen.png")).to_be_visible()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_a_phone_places_it_as_well(
-    browser: Browser, office: Office, request: pytest.FixtureRequest, theme: str
-) -> None:
-    context = browser.new_context(
-        viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, reduced_motion="reduce",
-        color_scheme="dark" if theme == "dark" else "light",
-    )  # fmt: skip
-    page = context.new_page()
+@pytest.mark.parametrize("size", [PHONE], ids=["phone"])
+@in_every_theme
+def test_a_phone_places_it_as_well(page: Page, office: Office, look: Callable[[str], list[str]]) -> None:
     dialog = opened(page, office)
     fill(dialog, PIXELS, FLOOR_M)
     expect(dialog.get_by_role("status", name="What the points tell")).to_contain_text(
         "The camera hangs 2.50 m"
     )
-    page.evaluate(AXE.read_text())
-    assert violations(page) == []
-    assert page.evaluate(OFF_THE_SCREEN) == []
-    assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
-    if folder := request.config.getoption("--screenshots"):
-        page.screenshot(path=Path(folder) / f"camera-phone-{theme}.png")
-        dialog.get_by_role("button", name="Download").scroll_into_view_if_needed()
-        page.screenshot(path=Path(folder) / f"camera-phone-{theme}-end.png")
-    context.close()
+    assert look("placed") == []
+    dialog.get_by_role("button", name="Download").scroll_into_view_if_needed()
+    assert look("end") == []

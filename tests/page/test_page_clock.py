@@ -5,19 +5,19 @@ from __future__ import annotations
 import re
 from datetime import UTC, timedelta, timezone
 
-from playwright.sync_api import Browser, expect
+import pytest
+from playwright.sync_api import Page, expect
 from served import Office
 
 TOKYO = timezone(timedelta(hours=9), "GMT+9")
 TEN_MONTHS_S = 305 * 86_400
 
 
-def test_every_time_has_its_zone(browser: Browser, office: Office) -> None:
+@pytest.mark.parametrize("reader", [{"timezone_id": "Asia/Tokyo"}], ids=["Tokyo"])
+def test_every_time_has_its_zone(page: Page, office: Office) -> None:
     ann = office.track("ann")
     office.see(ann, 3, 2, after_s=-TEN_MONTHS_S)
     stamp = office.happen("entered", ann, "kitchen", after_s=-TEN_MONTHS_S)
-    context = browser.new_context(timezone_id="Asia/Tokyo", reduced_motion="reduce")
-    page = context.new_page()
     page.goto(office.page)
     page.wait_for_selector("#status[data-state=live]")
     expect(page.locator("#freshness")).to_have_text("newest: 10 months ago")
@@ -38,4 +38,3 @@ def test_every_time_has_its_zone(browser: Browser, office: Office) -> None:
         switch.click()
     page.reload()
     expect(switch).to_have_attribute("aria-pressed", "true")
-    context.close()

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
+from measured import flaws, in_every_size, in_every_theme
 from plan import Plan
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from served import Office
 
 KITCHEN, LAB = (3.0, 2.0), (11.0, 2.0)
 NINE = datetime(2026, 1, 5, 9, tzinfo=UTC)
 H_S = 3600
-PHONE = (390, 844)
 
 
 @pytest.fixture
@@ -113,34 +111,11 @@ def test_the_way_of_the_day_is_drawn(plan: Plan, office: Office, bob: int) -> No
     assert picture() == without
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [(1280, 800), PHONE])
-def test_everybody_can_use_a_day(
-    browser: Browser,
-    office: Office,
-    bob: int,
-    theme: str,
-    size: tuple[int, int],
-    request: pytest.FixtureRequest,
-) -> None:
-    context = browser.new_context(
-        viewport={"width": size[0], "height": size[1]},
-        is_mobile=size == PHONE,
-        has_touch=size == PHONE,
-        reduced_motion="reduce",
-        color_scheme="dark" if theme == "dark" else "light",
-    )
-    page = context.new_page()
+@in_every_theme
+@in_every_size
+def test_everybody_can_use_a_day(page: Page, office: Office, bob: int) -> None:
     opened(page, office)
     chosen(page)
     page.get_by_label("Where at").fill("09:00:45")
     expect(page.locator("#where-then")).to_contain_text("in Lab")
-    if folder := request.config.getoption("--screenshots"):
-        page.screenshot(path=Path(folder) / f"day-{theme}-{size[0]}.png")
-    page.evaluate(AXE.read_text())
-    assert violations(page) == []
-    if size == PHONE:
-        assert page.evaluate(OFF_THE_SCREEN) == []
-        assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
-    context.close()
+    assert flaws(page) == []

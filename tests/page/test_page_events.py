@@ -7,14 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
-from playwright.sync_api import Browser, Page, expect
+from measured import flaws, in_every_size, in_every_theme
+from playwright.sync_api import Page, expect
 from served import Office
 
 MANY = 10_000
 FIRST = datetime(2026, 1, 1, tzinfo=UTC)
 LAST = "2026-01-07T22:39:00Z"
-PHONE = (390, 844)
 
 
 @pytest.fixture
@@ -151,27 +150,11 @@ def test_what_is_found_on_the_map_tells_what_happened(page: Page, busy: Office) 
     expect(page.locator("#event-list li").first).to_contain_text("Ann")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, (820, 1180), (1440, 900)])
-def test_the_list_is_accessible_and_fits(
-    browser: Browser, busy: Office, size: tuple[int, int], scheme: str, request: pytest.FixtureRequest
-) -> None:
-    width, height = size
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 1000  # type: ignore[arg-type]
-    )  # fmt: skip
-    page = context.new_page()
-    try:
-        opened(page, busy)
-        page.get_by_role("search", name="Events").locator("summary").click()
-        page.get_by_label("Find events").fill("ann")
-        expect(page.locator("#event-list li").first).to_contain_text("Ann")
-        if folder := request.config.getoption("--screenshots"):
-            page.screenshot(path=Path(folder) / f"events-{scheme}-{width}.png")
-        page.evaluate(AXE.read_text())
-        assert violations(page) == []
-        assert page.evaluate(OFF_THE_SCREEN) == []
-        if width < 1000:
-            assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
-    finally:
-        context.close()
+@in_every_theme
+@in_every_size
+def test_the_list_is_accessible_and_fits(page: Page, busy: Office) -> None:
+    opened(page, busy)
+    page.get_by_role("search", name="Events").locator("summary").click()
+    page.get_by_label("Find events").fill("ann")
+    expect(page.locator("#event-list li").first).to_contain_text("Ann")
+    assert flaws(page) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from measured import AXE, OFF_THE_SCREEN, violations
+from measured import flaws, in_every_size, in_every_theme, is_touched
 from plan import Plan
 from playwright.sync_api import Page, expect
 from served import Office
@@ -39,13 +39,13 @@ def hours(office: Office, room: str, days: int) -> float:
     return found
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (820, 1180), (390, 844)])
-def test_rooms_have_the_colours_of_their_hours(page: Page, week: Office, size: tuple[int, int]) -> None:
-    page.set_viewport_size({"width": size[0], "height": size[1]})
+@in_every_theme
+@in_every_size
+def test_rooms_have_the_colours_of_their_hours(page: Page, week: Office) -> None:
     page.add_init_script("localStorage.setItem('semap.zone', 'utc')")
     page.goto(week.page)
     page.wait_for_selector("#status[data-state=live]")
-    plan = Plan.measured(page) if size[0] > 1024 else None
+    plan = Plan.measured(page) if not is_touched(page) else None
     legend = page.locator(".legend")
     legend.locator("summary").click()
     page.get_by_label("Colours of the rooms").select_option("hours of the day")
@@ -58,9 +58,6 @@ def test_rooms_have_the_colours_of_their_hours(page: Page, week: Office, size: t
         legend.locator("summary").click()
     page.get_by_label("Colours of the rooms").select_option("hours of the week")
     expect(legend.locator(".swatches i").last).to_have_text(f"{hours(week, 'lab', 7):.1f}")
-    assert page.evaluate(OFF_THE_SCREEN) == []
-    if AXE.is_file():
-        page.evaluate(AXE.read_text())
-        assert violations(page) == []
+    assert flaws(page) == []
     page.reload()
     expect(page.locator(".legend .swatches i").last).to_have_text(f"{hours(week, 'lab', 7):.1f}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -11,36 +10,25 @@ from datetime import UTC, datetime
 from io import BytesIO
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
+from measured import DESKTOP, PHONE, flaws, in_every_size
 from patience import PATIENCE_S, until
-from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
-from served import Office, Served, building
+from playwright.sync_api import BrowserContext, Page, Route, expect
+from served import Office, Served, brought_in, house
 
-DESKTOP, PHONE = (1280, 800), (390, 844)
-SIZES = {"desktop": DESKTOP, "phone": PHONE}
 COPY = "Copy a link to what is shown"
 Pixels = np.ndarray[Any, np.dtype[np.float32]]
 TWO_FRAMES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
 @pytest.fixture
-def house(served: Served, request: pytest.FixtureRequest) -> Iterator[Office]:
+def home(served: Served, request: pytest.FixtureRequest) -> Iterator[Office]:
     """Two storeys, on which two people were on a winter's day, and an event."""
-    made = json.loads(building(("cellar", 0, 0, 8, 4), ("hall", 8, 0, 12, 4), ("attic", 0, 0, 8, 4)))
-    for feature, storey, elevation_m in zip(
-        made["features"], ("ground", "ground", "1. Stock"), (0, 0, 3), strict=True
-    ):
-        feature["properties"] |= {"storey": storey, "elevation_m": elevation_m}
-    file = json.dumps(made | {"storeys": {"ground": 0, "1. Stock": 3}}).encode()
     name = request.node.name.removeprefix("test_")[:60]
-    answer = httpx.post(
-        f"{served.url}/maps/import", params={"name": name}, files={"file": ("a.geojson", file)}, timeout=60
-    )
-    assert answer.status_code == 201, answer.text
+    ground = (("cellar", 0, 0, 8, 4), ("hall", 8, 0, 12, 4))
+    brought_in(served, name, house(("ground", 0, ground), ("1. Stock", 3, (("attic", 0, 0, 8, 4),))))
     found = Office.at(served, name)
     found.now = datetime(2026, 1, 5, 9, tzinfo=UTC)
     ann = found.track("ann")
@@ -85,17 +73,8 @@ def are_alike(one: Pixels, other: Pixels) -> bool:
 
 
 @pytest.fixture
-def context(browser: Browser, size: str) -> Iterator[BrowserContext]:
-    width, height = SIZES[size]
-    made = browser.new_context(
-        viewport={"width": width, "height": height},
-        has_touch=size == "phone",
-        is_mobile=size == "phone",
-        reduced_motion="reduce",
-        permissions=["clipboard-read", "clipboard-write"],
-    )
-    yield made
-    made.close()
+def reader() -> dict[str, Any]:
+    return {"permissions": ["clipboard-read", "clipboard-write"]}
 
 
 def opened(context: BrowserContext, address: str) -> Window:
@@ -122,9 +101,7 @@ def an_event_from_near(page: Page) -> None:
 
 
 def another_storey(page: Page) -> None:
-    counted = page.locator("#storey-choice option").filter(has_text="(")
-    expect(counted).to_have_text(["ground (1)"])
-    page.locator("#storey-choice").select_option("1. Stock")
+    page.get_by_role("button", name="1. Stock").click()
     page.locator("#tab-details").click()
     page.get_by_label("Find on the map").fill("att")
     page.locator("#panel-details").get_by_role("button", name="attic").click()
@@ -132,21 +109,22 @@ def another_storey(page: Page) -> None:
 
 
 def all_storeys_turned(page: Page) -> None:
-    page.locator("#storey-choice").select_option("all storeys, in 3D")
+    page.get_by_role("button", name="All storeys").click()
+    page.get_by_role("button", name="Pull apart").click()
     page.locator("#stage").focus()
     page.keyboard.press("Shift+ArrowLeft")
     page.keyboard.press("ArrowUp")
     page.locator("#tab-queries").click()
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize(
     "bring", [a_moment_of_somebody, an_event_from_near, another_storey, all_storeys_turned]
 )
 def test_a_link_gives_the_same_picture(
-    context: BrowserContext, house: Office, bring: Callable[[Page], None], size: str
+    context: BrowserContext, home: Office, bring: Callable[[Page], None]
 ) -> None:
-    window = opened(context, house.page)
+    window = opened(context, home.page)
     bring(window.page)
     wanted = window.at_rest()
     window.page.reload()
@@ -156,13 +134,12 @@ def test_a_link_gives_the_same_picture(
     link = window.page.evaluate("navigator.clipboard.readText()")
     assert link == window.page.url
     opened(context, link).becomes(wanted)
-    other = opened(context, f"{house.url}/#map={house.name}")
+    other = opened(context, f"{home.url}/#map={home.name}")
     other.at_rest()
     other.page.evaluate("(link) => (location.href = link)", link)
     other.becomes(wanted)
 
 
-@pytest.mark.parametrize("size", ["desktop"])
 def test_a_link_is_copied_where_there_is_no_clipboard(context: BrowserContext, office: Office) -> None:
     window = opened(context, office.page)
     page = window.page
@@ -176,7 +153,6 @@ def test_a_link_is_copied_where_there_is_no_clipboard(context: BrowserContext, o
     expect(page.get_by_label("Find on the map")).to_have_value(link.replace("&tab=details", ""))
 
 
-@pytest.mark.parametrize("size", ["desktop"])
 def test_what_an_address_says_wrongly_is_as_at_first(context: BrowserContext, office: Office) -> None:
     wrong = "&at=noon&storey=none&view=up&track=x&tab=x&time=1/0&eye=1,2"
     page = opened(context, office.page + wrong).page
@@ -189,25 +165,22 @@ def test_what_an_address_says_wrongly_is_as_at_first(context: BrowserContext, of
     expect(page.locator("#status")).to_contain_text("09:00:00")
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
-@pytest.mark.parametrize("size", SIZES)
-def test_everybody_can_copy_a_link(context: BrowserContext, house: Office, size: str) -> None:
-    page = opened(context, house.page).page
+@in_every_size
+def test_everybody_can_copy_a_link(context: BrowserContext, home: Office, size: tuple[int, int]) -> None:
+    page = opened(context, home.page).page
     page.get_by_role("button", name=COPY).click()
-    page.evaluate(AXE.read_text())
-    assert violations(page) == []
-    if size == "phone":
-        for width in (320, 360, 390):
-            page.set_viewport_size({"width": width, "height": 844})
-            assert page.evaluate(OFF_THE_SCREEN) == []
-            assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
+    assert flaws(page) == []
+    if size == PHONE:
+        for width in (320, 360):
+            page.set_viewport_size({"width": width, "height": size[1]})
+            assert flaws(page) == []
 
 
 @pytest.mark.parametrize("address", ["", "#map={name}", "#map={name}&tab=rules"], ids=["none", "map", "tab"])
-def test_what_is_chosen_before_the_map_is_there_stays(page: Page, house: Office, address: str) -> None:
+def test_what_is_chosen_before_the_map_is_there_stays(page: Page, home: Office, address: str) -> None:
     held: list[Route] = []
     page.route(re.compile(r"/maps(\?|$)"), lambda route: held.append(route))  # noqa: PLW0108  (playwright asks for a function)
-    page.goto(f"{house.url}/{address.format(name=house.name)}")
+    page.goto(f"{home.url}/{address.format(name=home.name)}")
     page.locator("#tab-import").click()
     page.wait_for_function("() => document.querySelector('#tab-import').ariaSelected === 'true'")
     until(lambda: page.wait_for_timeout(10) or held)

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
+from measured import in_every_size, in_every_theme, take_picture
 from playwright.sync_api import Page, expect
-from served import Office, Served
-
-SIZES = {"desktop": (1280, 800), "tablet": (1024, 768)}
+from served import Office
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_every_state(
-    page: Page, served: Served, office: Office, request: pytest.FixtureRequest, theme: str, size: str
-) -> None:
+@in_every_size
+@in_every_theme
+def test_every_state(page: Page, office: Office, request: pytest.FixtureRequest) -> None:
     folder = request.config.getoption("--screenshots")
     if not folder:
         pytest.skip("pictures are made on demand: --screenshots DIR")
-    width, height = SIZES[size]
-    page.set_viewport_size({"width": width, "height": height})
-    page.emulate_media(color_scheme="dark" if theme == "dark" else "light")
 
     def picture(name: str) -> None:
-        page.screenshot(path=Path(folder) / f"{name}-{theme}-{size}.png")
+        take_picture(page, request, f"-{name}")
 
     people = [office.track(name) for name in ("ann", "bob", "cid")]
     for number, person in enumerate(people):

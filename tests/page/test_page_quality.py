@@ -6,7 +6,7 @@ import gzip
 import re
 
 import pytest
-from measured import AXE, violations
+from measured import flaws, in_every_size, in_every_theme
 from playwright.sync_api import Page, expect
 from semap_service.http.page import FILES
 from served import Office, Served
@@ -54,38 +54,34 @@ def test_the_first_picture_comes_soon(page: Page, served: Served, office: Office
     assert page.evaluate(FIRST_PICTURE) <= FIRST_PICTURE_S * 1000
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [(1280, 800), (820, 1180), (390, 844)])
-def test_everybody_can_use_it(page: Page, office: Office, theme: str, size: tuple[int, int]) -> None:
-    page.set_viewport_size({"width": size[0], "height": size[1]})
-    page.emulate_media(color_scheme="dark" if theme == "dark" else "light")
+@in_every_theme
+@in_every_size
+def test_everybody_can_use_it(page: Page, office: Office) -> None:
     ann = office.track("ann")
     office.see(ann, 3, 2, after_s=-2)
     office.happen("entered", ann, "kitchen", after_s=-2)
     page.goto(office.page)
     page.wait_for_selector("#status[data-state=live]")
-    page.evaluate(AXE.read_text())
     found: dict[str, list[str]] = {}
     for state, tab in STATES.items():
         page.locator(tab).click()
-        found[state] = violations(page)
+        found[state] = flaws(page)
     page.locator("#tab-rules").click()
     page.get_by_role("button", name="Write a rule").click()
     page.get_by_label("The rule as YAML").fill("name: a\ninput: track_in_room\nemit: {begun: b}\n")
     expect(page.locator("#rule-verdict")).to_contain_text("there is no such edge")
-    found["writing"] = violations(page)
+    found["writing"] = flaws(page)
     page.keyboard.press("Escape")
     page.locator("#stage").focus()
     page.keyboard.press("r")
-    found["drawing"] = violations(page)
+    found["drawing"] = flaws(page)
     page.keyboard.press("Escape")
     page.keyboard.press("?")
     expect(page.get_by_role("dialog")).to_be_visible()
-    found["dialog"] = violations(page)
+    found["dialog"] = flaws(page)
     page.keyboard.press("Escape")
     page.get_by_role("slider", name="Moment that is shown").focus()
     page.keyboard.press("ArrowLeft")
     expect(page.locator("#status")).to_have_attribute("data-state", "past")
-    found["past"] = violations(page)
+    found["past"] = flaws(page)
     assert found == {state: [] for state in found}

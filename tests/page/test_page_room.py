@@ -7,14 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
-from playwright.sync_api import Browser, Page, expect
+from measured import flaws, in_every_size, in_every_theme
+from playwright.sync_api import Page, expect
 from served import Office
 
 KITCHEN, OUTSIDE = (3.0, 2.0), (-20.0, 2.0)
 NINE = datetime(2026, 1, 5, 9, tzinfo=UTC)
 H_S = 3600
-PHONE = (390, 844)
 
 
 @pytest.fixture
@@ -75,29 +74,12 @@ def test_a_day_and_a_month_of_a_room(page: Page, office: Office, kitchen: None) 
     expect(use).to_contain_text("Nobody was in it.")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, (820, 1180), (1440, 900)])
-def test_the_card_is_accessible_and_fits(
-    browser: Browser, office: Office, kitchen: None, size: tuple[int, int], scheme: str,
-    request: pytest.FixtureRequest,
-) -> None:  # fmt: skip
-    width, height = size
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 1000  # type: ignore[arg-type]
-    )  # fmt: skip
-    page = context.new_page()
-    try:
-        opened(page, office)
-        use = page.get_by_role("region", name="Use")
-        expect(use).to_contain_text("2 from 2026-01-05 10:00:00")
-        use.get_by_text("Hour by hour").click()
-        use.scroll_into_view_if_needed()
-        if folder := request.config.getoption("--screenshots"):
-            page.screenshot(path=Path(folder) / f"room-{scheme}-{width}.png")
-        page.evaluate(AXE.read_text())
-        assert violations(page) == []
-        assert page.evaluate(OFF_THE_SCREEN) == []
-        if width < 1000:
-            assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
-    finally:
-        context.close()
+@in_every_theme
+@in_every_size
+def test_the_card_is_accessible_and_fits(page: Page, office: Office, kitchen: None) -> None:
+    opened(page, office)
+    use = page.get_by_role("region", name="Use")
+    expect(use).to_contain_text("2 from 2026-01-05 10:00:00")
+    use.get_by_text("Hour by hour").click()
+    use.scroll_into_view_if_needed()
+    assert flaws(page) == []

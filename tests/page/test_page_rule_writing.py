@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
+from measured import in_every_size, in_every_theme
 from playwright.sync_api import Locator, Page, Route, expect
 from served import Office
 
@@ -210,35 +211,20 @@ def test_only_the_newest_text_is_tried(page: Page, visited: Office) -> None:
     expect(page.locator(".time-tools .found")).to_have_count(0)
 
 
-@pytest.mark.skipif(not AXE.is_file(), reason="there is no axe-core: npm ci in service/page")
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
-def test_everybody_can_write_rules(
-    page: Page, visited: Office, theme: str, size: tuple[int, int], request: pytest.FixtureRequest
-) -> None:
-    page.set_viewport_size({"width": size[0], "height": size[1]})
-    page.emulate_media(color_scheme="dark" if theme == "dark" else "light")
+@in_every_theme
+@in_every_size
+def test_everybody_can_write_rules(page: Page, visited: Office, look: Callable[[str], list[str]]) -> None:
     begin(page, visited)
-    page.evaluate(AXE.read_text())
-    text, found = text_of(page), {}
-    folder = request.config.getoption("--screenshots")
-
-    def look(state: str) -> None:
-        found[state] = violations(page) + page.evaluate(OFF_THE_SCREEN)
-        if size[0] < 1024:
-            found[state] += page.evaluate(SMALL_TARGETS, FINGER_PX)
-        if folder:
-            page.screenshot(path=f"{folder}/{state}-{size[0]}-{theme}.png")
-
+    text = text_of(page)
     page.get_by_label("Tell me when …").select_option("Somebody stays long")
     page.get_by_label("Duration", exact=True).fill("30")
     page.get_by_label("Unit of duration").select_option("seconds")
     expect(dry_run_of(page)).to_contain_text("It would have made 1 event.")
-    look("sentence")
+    assert look("sentence") == []
     page.get_by_role("img", name="The pattern").scroll_into_view_if_needed()
-    look("drawing")
+    assert look("drawing") == []
     page.get_by_text("Add and turn on").scroll_into_view_if_needed()
-    look("end")
+    assert look("end") == []
     text.fill(
         "name: a\ninput: track_in_room\nwhere: \"instance = 'kitchen' and type = \"\nemit: {begun: b}\n"
     )
@@ -246,8 +232,7 @@ def test_everybody_can_write_rules(
     text.evaluate("(area) => area.setSelectionRange(...Array(2).fill(area.value.indexOf('type = ') + 7))")
     text.press_sequentially("'")
     expect(page.get_by_role("listbox", name="Completions")).to_be_visible()
-    look("completing")
-    assert found == {state: [] for state in found}
+    assert look("completing") == []
 
 
 def test_a_sentence_that_is_chosen_at_once_stays_chosen(page: Page, visited: Office) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
-from measured import FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS
-from playwright.sync_api import Browser, Page, expect
+from measured import FINGER_PX, OFF_THE_SCREEN, PHONE, SMALL_TARGETS, TABLET
+from playwright.sync_api import Page, expect
 from served import Office
 
-PHONE, TABLET = (390, 844), (820, 1180)
 WIDTHS = (320, 360, 390, 430, 540, 640, 641, 768, 820, 912, 1024)
 WINDOWS = ((320, 568), (390, 664), PHONE, (844, 390), (768, 1024), TABLET, (1024, 768))
 TABS = ("details", "events", "edit", "rules", "queries", "import")
@@ -24,34 +23,18 @@ MAP_SEEN = """() => {
     return seen / all;
 }"""
 
-Opened = Callable[[tuple[int, int], str], Page]
+on_a_phone = pytest.mark.parametrize("size", [PHONE], ids=["phone"])
 
 
 @pytest.fixture
-def opened(browser: Browser, office: Office, request: pytest.FixtureRequest) -> Iterator[Opened]:
+def opened(page: Page, office: Office) -> Page:
     """The office on a touch screen of a size, with somebody in it and an event."""
     ann = office.track("ann")
     office.see(ann, 3, 2, after_s=-2)
     office.happen("entered", ann, "kitchen", after_s=-2)
-    contexts = []
-
-    def open_page(size: tuple[int, int], theme: str = "light") -> Page:
-        context = browser.new_context(
-            viewport={"width": size[0], "height": size[1]},
-            is_mobile=True,
-            has_touch=True,
-            reduced_motion="reduce",
-            color_scheme="dark" if theme == "dark" else "light",
-        )
-        contexts.append(context)
-        page = context.new_page()
-        page.goto(office.page)
-        page.wait_for_selector("#status[data-state=live]")
-        return page
-
-    yield open_page
-    for context in contexts:
-        context.close()
+    page.goto(office.page)
+    page.wait_for_selector("#status[data-state=live]")
+    return page
 
 
 def states(page: Page) -> Iterator[str]:
@@ -80,36 +63,35 @@ def states(page: Page) -> Iterator[str]:
     yield "help"
 
 
-def test_no_width_scrolls_sideways(opened: Opened) -> None:
-    page = opened(PHONE, "light")
+@on_a_phone
+def test_no_width_scrolls_sideways(opened: Page) -> None:
     found: dict[str, list[str]] = {}
-    for state in states(page):
+    for state in states(opened):
         for width in WIDTHS:
-            page.set_viewport_size({"width": width, "height": PHONE[1]})
-            if off := page.evaluate(OFF_THE_SCREEN):
+            opened.set_viewport_size({"width": width, "height": PHONE[1]})
+            if off := opened.evaluate(OFF_THE_SCREEN):
                 found[f"{state} at {width}"] = off
-        page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
+        opened.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
     assert found == {}
 
 
-@pytest.mark.parametrize("window", WINDOWS)
-def test_half_of_what_is_seen_is_the_map(opened: Opened, window: tuple[int, int]) -> None:
-    assert opened(window, "light").evaluate(MAP_SEEN) >= 0.5
+@pytest.mark.parametrize("size", WINDOWS, ids=str)
+def test_half_of_what_is_seen_is_the_map(opened: Page) -> None:
+    assert opened.evaluate(MAP_SEEN) >= 0.5
 
 
-@pytest.mark.parametrize("window", [PHONE, TABLET, (844, 390), (320, 568)])
-def test_a_finger_hits_every_target(opened: Opened, window: tuple[int, int]) -> None:
-    page = opened(window, "light")
-    found = {state: page.evaluate(SMALL_TARGETS, FINGER_PX) for state in states(page)}
+@pytest.mark.parametrize("size", [PHONE, TABLET, (844, 390), (320, 568)], ids=str)
+def test_a_finger_hits_every_target(opened: Page) -> None:
+    found = {state: opened.evaluate(SMALL_TARGETS, FINGER_PX) for state in states(opened)}
     assert found == {state: [] for state in found}
 
 
-def test_the_sheet_is_pulled_up_and_down(opened: Opened) -> None:
-    page = opened(PHONE, "light")
-    panel, bar = page.locator("#panel-details"), page.locator("#tabs")
-    fingers = page.context.new_cdp_session(page)
-    expect(page.get_by_role("tabpanel")).to_have_count(0)
-    page.locator("#tab-details").tap()
+@on_a_phone
+def test_the_sheet_is_pulled_up_and_down(opened: Page) -> None:
+    panel, bar = opened.locator("#panel-details"), opened.locator("#tabs")
+    fingers = opened.context.new_cdp_session(opened)
+    expect(opened.get_by_role("tabpanel")).to_have_count(0)
+    opened.locator("#tab-details").tap()
     expect(panel).to_be_visible()
 
     def pull(to_y: float) -> None:
@@ -121,7 +103,7 @@ def test_the_sheet_is_pulled_up_and_down(opened: Opened) -> None:
             fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     pull(200)
-    box = page.locator("#side").bounding_box()
+    box = opened.locator("#side").bounding_box()
     assert box is not None
     assert box["height"] > 0.7 * PHONE[1]
     pull(PHONE[1] - 10)

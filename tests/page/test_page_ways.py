@@ -2,45 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import re
 from typing import Any
 
-import httpx
 import pytest
-from plan import Plan
+from plan import RECORD, Plan, until_written
 from playwright.sync_api import Page, expect
-from served import Office, Served, building
+from served import Office, Served, brought_in, building
 
 LONG = "Meeting room of the department for the maintenance of lifts, doors and windows of the northern wing"
 ARABIC = "غرفة الاجتماعات الكبيرة في الطابق الأول من المبنى الشمالي"
 MOST_TAB_STOPS = 40
-
-# What is written on a canvas leaves no trace in the document.
-RECORD = """() => {
-    window.written = new Map();
-    const note = () => { document.documentElement.dataset.written = [...window.written.keys()].join(", "); };
-    window.forget = () => { window.written.clear(); note(); };
-    const write = CanvasRenderingContext2D.prototype.fillText;
-    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-        if (this.canvas.className === "labels")
-            window.written.set(text, {x, width: this.measureText(text).width, direction: this.direction});
-        note();
-        write.call(this, text, x, y);
-    };
-}"""
-
-
-def until_written(page: Page, name: str) -> None:
-    expect(page.locator("html")).to_have_attribute("data-written", re.compile(re.escape(name)))
-
-
-def brought_in(served: Served, name: str, file: bytes) -> str:
-    made = httpx.post(
-        f"{served.url}/maps/import", params={"name": name}, files={"file": ("a.geojson", file)}, timeout=60
-    )
-    assert made.status_code == 201, made.text
-    return f"{served.url}/#map={name}"
 
 
 def test_a_link_to_a_map_that_is_not_there_shows_no_other(page: Page, office: Office) -> None:
@@ -123,36 +94,6 @@ def test_names_stay_within_their_rooms(page: Page, served: Served) -> None:
     for name in (LONG, ARABIC):
         page.locator("#tab-details").click()
         expect(page.locator("#panel-details").get_by_role("button", name=name)).to_be_visible()
-
-
-@pytest.fixture
-def two_storeys(served: Served) -> str:
-    made = json.loads(building(("cellar", 0, 0, 8, 4), ("attic", 0, 0, 8, 4)))
-    for feature, storey, elevation_m in zip(made["features"], ("ground", "first"), (0, 3), strict=True):
-        feature["properties"] |= {"storey": storey, "elevation_m": elevation_m}
-    return brought_in(
-        served, "two_storeys", json.dumps(made | {"storeys": {"ground": 0, "first": 3}}).encode()
-    )
-
-
-def test_storeys_never_cover_each_other(page: Page, two_storeys: str) -> None:
-    page.add_init_script(f"({RECORD})()")
-    page.goto(two_storeys)
-    page.wait_for_selector("#status[data-state=live]")
-    until_written(page, "cellar")
-    page.locator("#storey-choice").select_option("all storeys, in 3D")
-    expect(page.locator("#view-space")).to_have_attribute("aria-pressed", "true")
-    for _ in range(3):
-        page.get_by_role("button", name="Farther").click()
-    until_written(page, "attic")
-    page.locator("#view-plan").click()
-    expect(page.locator("#storey-choice")).to_have_value("ground")
-    # what was asked for in 3D may be drawn in one frame more
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    page.evaluate("window.forget()")
-    page.get_by_role("button", name="Nearer").click()
-    until_written(page, "cellar")
-    assert page.evaluate("[...window.written.keys()]") == ["cellar"]
 
 
 def test_many_things_are_few_stops_before_the_timeline(page: Page, served: Served) -> None:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import httpx
 import pytest
-from measured import AXE, FINGER_PX, OFF_THE_SCREEN, SMALL_TARGETS, violations
-from playwright.sync_api import Browser, Page, expect
+from measured import in_every_size, in_every_theme
+from playwright.sync_api import Page, expect
 from served import Served
 from server import fresh_database
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
 from semap.store.operate.rule_slot import ensure_slot
-
-PHONE = (390, 844)
 
 
 @pytest.fixture
@@ -80,29 +77,14 @@ def test_a_tour_of_five_steps_can_be_left(empty: Served, page: Page) -> None:
     expect(tour).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, (820, 1180), (1440, 900)])
+@in_every_theme
+@in_every_size
 def test_the_first_minute_is_accessible_and_fits(
-    browser: Browser, empty: Served, size: tuple[int, int], scheme: str, request: pytest.FixtureRequest
+    page: Page, empty: Served, look: Callable[[str], list[str]]
 ) -> None:
-    width, height = size
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=width < 1000  # type: ignore[arg-type]
-    )  # fmt: skip
-    page = context.new_page()
-    try:
-        page.goto(f"{empty.url}/")
-        expect(page.get_by_role("button", name="Play the sample")).to_be_visible()
-        for name in ("welcome", "tour"):
-            if name == "tour":
-                page.get_by_role("button", name="Take the tour").click()
-                page.get_by_role("button", name="Next").click()
-            if folder := request.config.getoption("--screenshots"):
-                page.screenshot(path=Path(folder) / f"{name}-{scheme}-{width}.png")
-            page.evaluate(AXE.read_text())
-            assert violations(page) == []
-            assert page.evaluate(OFF_THE_SCREEN) == []
-            if width < 1000:
-                assert page.evaluate(SMALL_TARGETS, FINGER_PX) == []
-    finally:
-        context.close()
+    page.goto(f"{empty.url}/")
+    expect(page.get_by_role("button", name="Play the sample")).to_be_visible()
+    assert look("welcome") == []
+    page.get_by_role("button", name="Take the tour").click()
+    page.get_by_role("button", name="Next").click()
+    assert look("tour") == []

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 import shapely
 from sqlalchemy.dialects import postgresql
-from world import World
+from world import SECOND_US, World
 
 from semap.store.database.connection import connect
 from semap.store.event.events import EVENTS
+from semap.timeline.stamp import to_datetime
 
 
 def nodes(plan: dict[str, Any]) -> list[dict[str, Any]]:
@@ -121,3 +122,16 @@ def test_tracks_in_pairs_are_found_by_key_though_the_table_was_empty_when_it_was
                 "select seq_tup_read + idx_tup_fetch from pg_stat_xact_user_tables where relname = 'followed_state'"
             )
         assert tracks <= read[0] <= 20 * tracks
+
+
+def test_all_batches_that_are_not_flushed_are_looked_through_once(world: World) -> None:
+    tracks = [world.add_track(f"t{number}") for number in range(20)]
+    for number in range(40):
+        world.run(
+            "select semap.add_states(%s, %s, %s, x_m => %s::float8[], y_m => %s::float8[])",
+            world.source_id, to_datetime(SECOND_US + number * 100_000), tracks, [1.0] * 20, [1.0] * 20,
+        )  # fmt: skip
+    (plan,) = world.one("explain (analyze, format json) select * from semap.unflushed_state")
+    looked = [each["Actual Loops"] for each in nodes(plan["Plan"]) if each["Node Type"] == "WindowAgg"]
+    assert looked == [1]
+    assert world.one("select count(*) from semap.unflushed_state") == len(tracks)

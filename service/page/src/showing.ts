@@ -88,8 +88,8 @@ export class Showing {
   showOn(stage: Stage): void {
     this.stage = stage;
     effect(() => {
-      if (this.state.view.value === "space" && this.state.map.value)
-        void this.readMeshes(this.state.storey.value);
+      void [this.state.storey.value, this.state.isApart.value];
+      if (this.state.view.value === "space" && this.state.map.value) void this.readMeshes();
     });
     effect(() => {
       void this.state.span.value;
@@ -414,7 +414,7 @@ export class Showing {
       this.announce(`${detail} ${remedy}`, "error");
   }
 
-  private async readMeshes(_storey: string | null): Promise<void> {
+  private async readMeshes(): Promise<void> {
     const { signal } = this.reading;
     const map = this.state.map.peek();
     if (map === null || !this.stage) return;

@@ -52,6 +52,8 @@ export class State {
   readonly view = signal<View>("plan");
   /** The name of the storey that is shown; null: all. */
   readonly storey = signal<string | null>(null);
+  /** Whether all storeys are pulled apart while they are shown together. */
+  readonly isApart = signal(false);
   readonly heat = signal<Heat>("now");
   /** By the instance's id; null: not read yet. */
   readonly hours = signal<ReadonlyMap<number, number> | null>(null);

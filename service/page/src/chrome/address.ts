@@ -87,6 +87,7 @@ export class Address {
       state.view.value = shown.view;
       state.tab.value = shown.tab;
       state.heat.value = shown.heat;
+      state.isApart.value = shown.isApart;
       state.find.value = shown.find;
       state.eventFilter.value = shown.events;
       this.wanted.value = shown;
@@ -110,6 +111,7 @@ export class Address {
       map: state.mapName.value,
       view: state.view.value,
       storey: hasStoreys ? everyStorey(state.storey.value) : null,
+      isApart: hasStoreys && state.storey.value === null && state.isApart.value,
       at: state.at.value,
       chosen:
         selection?.kind === "event"

@@ -7,6 +7,7 @@ const FIRST: Shown = {
   map: "office",
   view: "plan",
   storey: null,
+  isApart: false,
   at: null,
   chosen: null,
   heat: "now",
@@ -26,7 +27,7 @@ test("what is as at first is not said", () => {
 
 test.each<Partial<Shown>>([
   { map: "Büro & Werk #2/a=b" },
-  { view: "space", storey: "*", eye: [1.25, -3, 12.5, 0.35, 0.85] },
+  { view: "space", storey: "*", isApart: true, eye: [1.25, -3, 12.5, 0.35, 0.85] },
   { storey: "1. Stock" },
   {
     events: { text: "bob & ann", type: "left_then_closed", track: "", instance: "Raum 1", day: "2026-01-05" },

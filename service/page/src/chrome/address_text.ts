@@ -15,6 +15,8 @@ export interface Shown {
   view: View;
   /** null: the first one. */
   storey: string | null;
+  /** All storeys are pulled apart. */
+  isApart: boolean;
   /** In milliseconds since 1970; null: what is now. */
   at: number | null;
   chosen: Chosen | null;
@@ -46,6 +48,7 @@ export function textOf(shown: Shown): string {
   add("map", shown.map);
   add("view", shown.view === "space" ? "space" : null);
   add("storey", shown.storey);
+  add("storeys", shown.isApart ? "apart" : null);
   add("at", shown.at === null ? null : stampOf(shown.at));
   if (shown.chosen?.kind === "event") add("event", `${shown.chosen.id}@${shown.chosen.stamp}`);
   else if (shown.chosen) add(shown.chosen.kind, `${shown.chosen.id}`);
@@ -71,6 +74,7 @@ export function shownIn(text: string): Shown {
     map: said.get("map"),
     view: said.get("view") === "space" ? "space" : "plan",
     storey: said.get("storey"),
+    isApart: said.get("storeys") === "apart",
     at: momentOf(said.get("at")),
     chosen: chosenOf(said),
     heat: HEATS.find((each) => each === said.get("heat")) ?? "now",

@@ -1,13 +1,10 @@
-/** The head of the page: which map and storey, plan or space, how the page stands with the service. */
+/** The head of the page: which map, plan or space, how the page stands with the service. */
 
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 
 import type { App } from "../app";
-import type { World } from "../live/world";
-import type { MapModel } from "../map/model";
 import type { Showing } from "../showing";
-import type { State } from "../state";
 import { agoText, clockText, dateText, momentText } from "../timeline/clock";
 import { Icon } from "./icons";
 import { isSheet, isSideOpen } from "./side";
@@ -28,7 +25,6 @@ interface HeadProps {
 export function Head({ app, showing, copyLink }: HeadProps) {
   const { state } = app;
   const maps = state.maps.value ?? [];
-  const storeys = state.map.value?.storeys ?? [];
   return (
     <>
       <h1 class="brand">
@@ -50,7 +46,6 @@ export function Head({ app, showing, copyLink }: HeadProps) {
           ))}
         </select>
       )}
-      {storeys.length > 1 && <StoreyChoice state={state} showing={showing} />}
       <div class="segmented" role="group" aria-label={t("View")}>
         <button
           id="view-plan"
@@ -104,43 +99,6 @@ export function Head({ app, showing, copyLink }: HeadProps) {
       {!isSheet.value && <SideButton />}
     </>
   );
-}
-
-/** The storeys, each with how many are in its rooms at the moment that is shown. */
-function StoreyChoice({ state, showing }: { state: State; showing: Showing }) {
-  void showing.beat.value;
-  const map = state.map.value!;
-  const world = state.isLive.value ? showing.now : showing.then;
-  const counts = state.isKnown.value ? headsByStorey(world, map) : null;
-  return (
-    <select
-      id="storey-choice"
-      aria-label={t("Storey")}
-      value={state.storey.value ?? ""}
-      onChange={(event) => {
-        const storey = event.currentTarget.value || null;
-        if (storey === null) state.view.value = "space";
-        state.storey.value = storey;
-      }}
-    >
-      <option value="">{t("all storeys, in 3D")}</option>
-      {map.storeys.toReversed().map(({ name }) => (
-        <option key={name} value={name}>
-          {counts?.has(name) ? `${name} (${counts.get(name)})` : name}
-        </option>
-      ))}
-    </select>
-  );
-}
-
-/** Each is counted once on a storey, in however many of its rooms. */
-function headsByStorey(world: World, map: MapModel): ReadonlyMap<string, number> {
-  const counts = new Map<string, number>();
-  for (const { state } of world.movers.values()) {
-    const storeys = new Set(state.rooms.map((id) => map.byId.get(id)?.storey));
-    for (const each of storeys) if (each) counts.set(each, (counts.get(each) ?? 0) + 1);
-  }
-  return counts;
 }
 
 /** Opens and closes the panels: in the head, and on a small window beside their tabs. */

@@ -13,6 +13,7 @@ import { askAgain, UNANSWERED } from "../unanswered";
 import { SampleBanner, Welcome } from "../welcome/welcome";
 import { isSignInOpen } from "./head";
 import { Icon } from "./icons";
+import { Storeys } from "./storeys";
 import { fixed, say, t } from "../language/catalogue";
 import { doorState } from "../words";
 
@@ -37,6 +38,7 @@ export function StageChrome({ app, showing, stage }: { app: App; showing: Showin
           <Icon name="all" />
         </button>
       </div>
+      <Storeys state={state} showing={showing} />
       <div class="banners">
         {connection.state === "disconnected" && <Disconnected connection={connection} showing={showing} />}
         <UnreadMoment app={app} />

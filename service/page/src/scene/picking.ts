@@ -14,6 +14,23 @@ const NEAR_TRACK_PX = 15;
 const NEAR_DOOR_PX = 9;
 const NEAR_POINT_PX = 12;
 
+/** A floor, and what stands on it. */
+export interface Level {
+  readonly z_m: number;
+  readonly things: readonly Thing[];
+}
+
+/** The floors of rooms, the highest first, each with what stands between it and the next. */
+export function levelsOf(things: readonly Thing[]): Level[] {
+  const floors = things.filter((each) => each.kind === "room").map((each) => each.zMin_m);
+  const levels = [...new Set(floors.length > 0 ? floors : [0])]
+    .sort((a, b) => b - a)
+    .map((z_m) => ({ z_m, things: [] as Thing[] }));
+  for (const thing of things)
+    (levels.find((each) => each.z_m <= thing.zMin_m) ?? levels.at(-1)!).things.push(thing);
+  return levels;
+}
+
 /** The instance at a place: a door that is near, else the smallest thing or room around it. */
 export function instanceAt(
   things: readonly Thing[],
@@ -43,12 +60,12 @@ export function instanceAt(
 }
 
 /** The thing with heights that a line of sight meets first; rooms are looked into. */
-export function instanceAlong(things: readonly Thing[], ray: Ray): number | null {
+export function instanceAlong(levels: readonly Level[], ray: Ray): number | null {
   const box = new Box3();
   const hit = new Vector3();
   let found: number | null = null;
   let nearest = Infinity;
-  for (const thing of things) {
+  for (const thing of levels.flatMap((each) => each.things)) {
     if (thing.kind === "room" || thing.zMax_m === null) continue;
     box.makeEmpty();
     for (const point of thing.outlines.flatMap((outline) => outline[0] ?? []).concat(thing.line ?? [])) {
@@ -67,7 +84,7 @@ export function instanceAlong(things: readonly Thing[], ray: Ray): number | null
 /** What is under a pixel: a track that is near, else an instance. */
 export function pick(
   view: View,
-  things: readonly Thing[],
+  levels: readonly Level[],
   movers: readonly Mover[],
   floorOf: (mover: Mover) => number | null,
   x_px: number,
@@ -84,9 +101,17 @@ export function pick(
     if (distance < nearest) [track, nearest] = [mover.state.track_id, distance];
   }
   if (track !== null) return { kind: "track", id: track };
-  const along = view.mix > 0 ? instanceAlong(things, view.sight(x_px, y_px)) : null;
-  const id = along ?? instanceAt(things, view.placeAt(x_px, y_px), view.metresPerPixel());
+  const id = (view.mix > 0 ? instanceAlong(levels, view.sight(x_px, y_px)) : null) ?? onFloors();
   return id === null ? null : { kind: "instance", id };
+
+  /** A floor covers those below it. */
+  function onFloors(): number | null {
+    for (const { z_m, things } of levels) {
+      const found = instanceAt(things, view.placeAt(x_px, y_px, z_m), view.metresPerPixel());
+      if (found !== null) return found;
+    }
+    return null;
+  }
 }
 
 /** The crowd whose mark is under a pixel. */

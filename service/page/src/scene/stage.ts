@@ -17,7 +17,8 @@ import { addRing, Floors, lines } from "./floors";
 import { Names } from "./names";
 import { isSoftware, Pace } from "./pace";
 import { People, type Look } from "./people";
-import { crowdAt, pick } from "./picking";
+import { crowdAt, levelsOf, pick, type Level } from "./picking";
+import { pulledApart } from "../map/apart";
 import { lights, meshesOf, thingsInPlan } from "./things";
 import { View, type Eye } from "./view";
 
@@ -68,6 +69,7 @@ export class Stage implements Surface {
   private doorsSwing = false;
   private plan: Group | null = null;
   private shown: readonly Thing[] = [];
+  private levels: readonly Level[] = [];
   private map: MapModel | null = null;
   private isFitted = true;
   private frame = 0;
@@ -199,8 +201,12 @@ export class Stage implements Surface {
 
   /** Puts meshes into the space: the map's as glTF, or none. */
   async setMeshes(glb: ArrayBuffer | null): Promise<void> {
+    const told = this.state.map.peek();
     const wanted = new Map(
-      this.shown.filter((each) => each.kind === "thing").map((each) => [each.uid, each]),
+      this.of("thing").map((each) => [
+        each.uid,
+        { thing: each, lift_m: each.zMin_m - (told?.byId.get(each.id)?.zMin_m ?? each.zMin_m) },
+      ]),
     );
     const mesh = glb && wanted.size > 0 ? await meshesOf(glb, wanted, this.colours) : null;
     empty(this.solid);
@@ -216,11 +222,14 @@ export class Stage implements Surface {
     const { map, storey, view, selection } = this.state;
     let framed: string | null = null;
     effect(() => {
-      this.map = map.value;
-      void storey.value;
+      const isApart = storey.value === null && this.state.isApart.value;
+      this.map = map.value && isApart ? pulledApart(map.value) : map.value;
       this.rebuild();
-      if (this.map?.bounds && framed !== this.map.name) {
-        framed = this.map.name;
+      const heights = isApart ? (this.map?.storeys ?? []).map((each) => each.elevation_m) : [];
+      this.view.rise_m = Math.max(0, (heights.at(-1) ?? 0) - (heights[0] ?? 0));
+      const wanted = `${this.map?.name} ${this.view.rise_m > 0}`;
+      if (this.map?.bounds && framed !== wanted) {
+        framed = wanted;
         this.fit();
       }
     });
@@ -232,10 +241,7 @@ export class Stage implements Surface {
       this.draw();
     });
     effect(() => this.mark(selection.value));
-    effect(() => {
-      void map.value;
-      this.drawWay(this.state.way.value, storey.value);
-    });
+    effect(() => this.drawWay(this.state.way.value, storey.peek()));
     effect(() => {
       void [this.hover.value, this.state.heat.value, this.state.warmth.value];
       this.draw();
@@ -250,6 +256,7 @@ export class Stage implements Surface {
       (each) => storey === null || each.storey === null || each.storey === storey,
     );
     this.view.floor_m = map?.storeys.find((each) => each.name === storey)?.elevation_m ?? lowest(this.shown);
+    this.levels = storey === null ? levelsOf(this.shown) : [{ z_m: this.view.floor_m, things: this.shown }];
     this.floors = new Floors(this.of("room"), this.colours);
     this.plan = thingsInPlan(this.of("thing"), this.colours);
     this.doors = new Doors(this.of("door"), this.colours);
@@ -259,6 +266,7 @@ export class Stage implements Surface {
     this.renderer.setClearColor(this.colours["map-ground"]);
     this.backdrop.position.z = this.view.floor_m;
     this.mark(this.state.selection.peek());
+    this.drawWay(this.state.way.peek(), storey);
     this.changed();
   }
 
@@ -418,7 +426,7 @@ export class Stage implements Surface {
   }
 
   private pickAt(x_px: number, y_px: number): Selection | null {
-    return pick(this.view, this.shown, this.parted.alone, this.floorOf, x_px, y_px);
+    return pick(this.view, this.levels, this.parted.alone, this.floorOf, x_px, y_px);
   }
 
   private resize(): void {

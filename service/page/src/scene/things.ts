@@ -55,7 +55,7 @@ export function thingsInPlan(things: readonly Thing[], colours: Colours): Group 
 /** The triangles of a glTF file as the map exports it, of those things that are wanted, as one mesh. */
 export async function meshesOf(
   glb: ArrayBuffer,
-  wanted: ReadonlyMap<string, Thing>,
+  wanted: ReadonlyMap<string, { thing: Thing; lift_m: number }>,
   colours: Colours,
 ): Promise<Mesh | null> {
   const { scene } = await new GLTFLoader().parseAsync(glb, "");
@@ -64,13 +64,12 @@ export async function meshesOf(
   if (!root) return null;
   root.rotation.set(0, 0, 0);
   scene.updateMatrixWorld(true);
-  const parts: { mesh: Mesh; tint: Color }[] = [];
+  const parts: Part[] = [];
   for (const node of root.children) {
-    const thing = wanted.get(uidOf(node));
-    if (thing)
-      node.traverse(
-        (each) => each instanceof Mesh && parts.push({ mesh: each, tint: tintOf(thing, colours) }),
-      );
+    const found = wanted.get(uidOf(node));
+    if (!found) continue;
+    const tint = tintOf(found.thing, colours);
+    node.traverse((each) => each instanceof Mesh && parts.push({ mesh: each, tint, lift_m: found.lift_m }));
   }
   return parts.length > 0 ? merged(parts) : null;
 }
@@ -96,7 +95,13 @@ function tintOf(thing: Thing, colours: Colours): Color {
     .multiplyScalar(1 + ((hash % 5) - 2) * 0.1);
 }
 
-function merged(parts: readonly { mesh: Mesh; tint: Color }[]): Mesh {
+interface Part {
+  mesh: Mesh;
+  tint: Color;
+  lift_m: number;
+}
+
+function merged(parts: readonly Part[]): Mesh {
   let vertices = 0;
   let corners = 0;
   for (const { mesh } of parts) {
@@ -108,12 +113,12 @@ function merged(parts: readonly { mesh: Mesh; tint: Color }[]): Mesh {
   const index = new Uint32Array(corners);
   let vertex = 0;
   let corner = 0;
-  for (const { mesh, tint } of parts) {
+  for (const { mesh, tint, lift_m } of parts) {
     const source = mesh.geometry.getAttribute("position").clone().applyMatrix4(mesh.matrixWorld);
     const own = mesh.geometry.getIndex();
     for (let i = 0; i < (own?.count ?? source.count); i++) index[corner++] = vertex + (own ? own.getX(i) : i);
     for (let i = 0; i < source.count; i++, vertex++) {
-      positions.set([source.getX(i), source.getY(i), source.getZ(i)], 3 * vertex);
+      positions.set([source.getX(i), source.getY(i), source.getZ(i) + lift_m], 3 * vertex);
       tints.set([tint.r, tint.g, tint.b], 3 * vertex);
     }
     mesh.geometry.dispose();

@@ -17,6 +17,8 @@ const FIRST_AZIMUTH_RAD = 0.35;
 const SMALLEST_M = 0.5;
 const LARGEST_M = 20_000;
 const MARGIN = 1.1;
+/** What is higher is nearer, and so larger. */
+const MARGIN_OF_STOREYS = 1.45;
 /** What lies over the lower edge of the picture. */
 const LEGEND_PX = 52;
 
@@ -34,6 +36,8 @@ export class View {
   x_m = 0;
   y_m = 0;
   floor_m = 0;
+  /** How far above that floor the highest one is, where more than one is to be seen. */
+  rise_m = 0;
   /** How much of the map is seen from the lower to the upper edge, in the middle. */
   height_m = 10;
   azimuth_rad = FIRST_AZIMUTH_RAD;
@@ -62,11 +66,11 @@ export class View {
     const distance = ((1 + 0.12 * this.mix) * this.height_m) / 2 / Math.tan(angle / 2);
     const camera = this.mix === 0 ? this.flat : this.deep;
     const aspect = this.width_px / this.height_px;
-    this.middle.set(this.x_m, this.y_m, this.floor_m);
+    this.middle.set(this.x_m, this.y_m, this.floor_m + (this.mix * this.rise_m) / 2);
     camera.position.set(
       this.x_m - distance * Math.sin(tilt) * Math.sin(azimuth),
       this.y_m - distance * Math.sin(tilt) * Math.cos(azimuth),
-      this.floor_m + distance * Math.cos(tilt),
+      this.middle.z + distance * Math.cos(tilt),
     );
     this.up.set(Math.sin(azimuth) * Math.cos(tilt), Math.cos(azimuth) * Math.cos(tilt), Math.sin(tilt));
     camera.up.copy(this.up);
@@ -103,10 +107,10 @@ export class View {
     return this.ray;
   }
 
-  /** What is on the floor at a pixel; above the horizon, the farthest. */
-  placeAt(x_px: number, y_px: number): Place {
+  /** What is on a floor at a pixel; above the horizon, the farthest. */
+  placeAt(x_px: number, y_px: number, floor_m = this.floor_m): Place {
     const ray = this.sight(x_px, y_px);
-    this.plane.constant = -this.floor_m;
+    this.plane.constant = -floor_m;
     const hit = ray.intersectPlane(this.plane, this.scratch);
     if (hit === null) ray.at(this.reach_m, this.scratch);
     return { x_m: this.scratch.x, y_m: this.scratch.y };
@@ -164,10 +168,12 @@ export class View {
     const width = Math.max(bounds.xMax_m - bounds.xMin_m, 1);
     const height = Math.max(bounds.yMax_m - bounds.yMin_m, 1);
     const free_px = Math.max(this.height_px - LEGEND_PX, this.height_px / 2);
-    const perPixel = MARGIN * Math.max(height / free_px, width / this.width_px);
+    const stacked = height * Math.cos(this.tilt_rad) + this.rise_m * Math.sin(this.tilt_rad);
+    const margin = this.rise_m > 0 ? MARGIN_OF_STOREYS : MARGIN;
+    const perPixel = margin * Math.max(height / free_px, stacked / free_px, width / this.width_px);
     this.height_m = clamp(perPixel * this.height_px, SMALLEST_M, LARGEST_M);
     this.y_m -= ((this.height_px - free_px) / 2) * perPixel;
-    this.reach_m = Math.max(100, 2 * Math.hypot(width, height));
+    this.reach_m = Math.max(100, 2 * Math.hypot(width, height, this.rise_m));
   }
 
   private moveBy(x_m: number, y_m: number): void {
