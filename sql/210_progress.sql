@@ -150,13 +150,13 @@ begin
       using errcode = 'no_data_found', hint = 'Run: semap db migrate';
   end if;
   -- a map that is there stays until these events are committed, so that the worker finds them when it goes
-  perform from semap.map
+  perform from semap.place
   where map_id in (select (event ->> 'map_id')::integer from jsonb_array_elements(p_events) event)
   for key share;
   v_after := semap.write_events(v_before, (
     select coalesce(jsonb_agg(event order by place), '[]')
     from jsonb_array_elements(p_events) with ordinality as listed (event, place)
-    where exists (select from semap.map where map_id = (event ->> 'map_id')::integer)));
+    where exists (select from semap.place where map_id = (event ->> 'map_id')::integer)));
   update semap.progress set event_seq = v_after where worker = p_worker;
   return v_after - v_before;
 end $$;

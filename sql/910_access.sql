@@ -48,7 +48,7 @@ begin
     execute format('comment on policy own_maps on semap.%I is %L', v_table.name, v_table.version);
   end loop;
   execute 'grant select on'
-    ' semap.map, semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri,'
+    ' semap.map, semap.place, semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri,'
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.camera_report, semap.bridge, semap.bridge_position, semap.track,'
@@ -78,6 +78,15 @@ from semap_read, semap_ingest, semap_worker, semap_api, semap_read_map, semap_in
 grant insert, delete on semap.login_map to semap_admin;
 grant insert, update (last_used_at, revoked_at) on semap.token to semap_admin;
 grant insert on semap.token_map to semap_admin;
+
+-- The way into other databases, maybe with a password, is for those who keep tokens; others see which shards there are.
+revoke select on semap.shard from semap_read, semap_ingest, semap_worker, semap_api;
+grant select (shard_id, name, draining, added_at) on semap.shard
+to semap_read, semap_ingest, semap_worker, semap_api;
+grant update (draining) on semap.shard to semap_admin;
+grant insert, update, delete on semap.place to semap_admin;
+grant usage on sequence semap.map_map_id_seq to semap_admin;
+grant execute on function semap.forget_place, semap.leave_place to semap_admin;
 
 -- semap_admin: all that writers and sources may.
 grant insert, delete, update (name) on semap.map to semap_admin;

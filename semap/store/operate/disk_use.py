@@ -36,8 +36,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "history of the map": ("change_set", "row_version"),
     "map and meshes": (
-        "map", "map_anchor", "map_grid", "concept", "concept_parent", "concept_iri", "frame", "frame_pose",
-        "description", "geometry", "abstraction", "instance", "door_room", "door_leaf",
+        "map", "place", "shard", "map_anchor", "map_grid", "concept", "concept_parent", "concept_iri",
+        "frame", "frame_pose", "description", "geometry", "abstraction", "instance", "door_room", "door_leaf",
     ),
 }  # fmt: skip
 OTHERS = "jobs, webhooks and others"
