@@ -168,6 +168,8 @@ create or replace function semap.collect_events(
   p_worker text, p_topic text, p_partition integer, p_from bigint, p_next bigint, p_events jsonb, p_late jsonb
 ) returns bigint
 language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_new  bigint;
 begin
   insert into semap.collected (topic, partition, next_offset) values (p_topic, p_partition, p_from)
   on conflict do nothing;
@@ -178,5 +180,11 @@ begin
       using errcode = 'serialization_failure';
   end if;
   perform semap.write_rows(p_worker, '{}', p_late);
-  return semap.add_events(p_worker, p_events);
+  v_new := semap.add_events(p_worker, p_events);
+  insert into semap.event_place (event_id, place)
+  select event_id, place::geometry
+  from jsonb_to_recordset(p_events) as e (event_id uuid, place text) join semap.event using (event_id)
+  where place is not null
+  on conflict do nothing;
+  return v_new;
 end $$;

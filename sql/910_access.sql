@@ -30,6 +30,7 @@ begin
         ('recording', 'exists (select from semap.source p where p.source_id = recording.source_id)'),
         ('rule_query', 'exists (select from semap.rule p where p.rule_id = rule_query.rule_id)'),
         ('event_evidence', 'exists (select from semap.event p where p.event_id = event_evidence.event_id)'),
+        ('event_place', 'exists (select from semap.event p where p.event_id = event_place.event_id)'),
         ('event_amendment', 'exists (select from semap.event p where p.event_id = event_amendment.event_id)'),
         ('change_set', 'exists (select from semap.row_version p where p.change_set_id = change_set.change_set_id)'))
     -- what is as it should be is left alone: to alter a table is to wait for all who read it
@@ -58,7 +59,7 @@ begin
     ' semap.query_track, semap.pair_query, semap.pair_instance, semap.followed_state, semap.pair_progress,'
     ' semap.track_end, semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count,'
-    ' semap.event_evidence,'
+    ' semap.event_evidence, semap.event_place,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now,'
     ' semap.relation_span,'

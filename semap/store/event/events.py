@@ -26,6 +26,7 @@ from semap.store.database.tables import (
     event_amendment,
     event_evidence,
     event_number,
+    event_place,
     one_of,
     place,
 )
@@ -222,8 +223,9 @@ _POSITION = (
     )
     .scalar_subquery()
 )
+_GATHERED = select(event_place.c.place).where(event_place.c.event_id == event.c.event_id).scalar_subquery()
 _PLACE = func.public.st_asbinary(
-    func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION)
+    func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION, _GATHERED)
 ).label("place")
 EVENTS = (
     select(

@@ -28,7 +28,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "changes": ("relation_change", "object_state", "door_now"),
     "events and evidence": (
-        "event", "event_number", "event_count", "event_evidence", "event_amendment", "recompute_run",
+        "event", "event_number", "event_count", "event_evidence", "event_place", "event_amendment",
+        "recompute_run",
     ),
     "rules and their state": (
         "rule", "rule_query", "rule_version", "rule_state", "pending_row", "late_row", "progress",

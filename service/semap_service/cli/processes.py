@@ -189,6 +189,7 @@ def work(
 def at_work(name: str, dsn: str | None) -> Iterator[str]:
     """The database, while background tasks of whoever follows its log go on."""
     from semap.worker.correcting import correcting  # noqa: PLC0415
+    from semap.worker.gathering import gathering  # noqa: PLC0415
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.settling import settling  # noqa: PLC0415
@@ -201,6 +202,7 @@ def at_work(name: str, dsn: str | None) -> Iterator[str]:
         answering(opened),
         settling(opened),
         correcting(opened),
+        gathering(opened),
     ):
         yield opened
 
