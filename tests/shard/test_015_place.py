@@ -133,6 +133,8 @@ def test_only_an_empty_database_becomes_a_shard(
         add_shard(north, "south", database)
     with pytest.raises(InvalidInput):
         add_shard(database, "Up North", north)
+    with fresh_database(cluster, template) as other, pytest.raises(Conflict, match="this database is not it"):
+        add_shard(database, "north", other)
     assert add_shard(database, "north", north).shard_id == 1  # again: its DSN is renewed
 
 

@@ -59,7 +59,11 @@ def add_shard(dsn: str, name: str, shard_dsn: str) -> Shard:
             if not there.execute(HOLD_DIRECTORY, keys).scalar_one():
                 raise Conflict("This is the directory's own database.", "Give another one.")
             said = {"name": name, "dsn": shard_dsn}
-            shard_id = directory.scalar(RENEW, said) or directory.scalar(ADD, said)
+            shard_id = directory.scalar(RENEW, said)
+            if shard_id is None:
+                shard_id = directory.scalar(ADD, said)
+            elif there.execute(OWN).one() != (shard_id, name):
+                raise Conflict(f"There is a shard {name}, and this database is not it.", "Choose a name.")
             there.execute(BECOME, {"shard_id": shard_id, "name": name})
             there.commit()
         return get_shard(directory, name)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Annotated
 
 import typer
 
 from semap_service.cli.output import counted, print_rows, say
-from semap_service.cli.session import AsJson, Dsn, MapName, database
+from semap_service.cli.session import DATABASE, AsJson, Dsn, MapName, database, own_database
 
 ShardName = Annotated[str, typer.Argument(metavar="NAME", help="Name of the shard.")]
 ShardDsn = Annotated[
@@ -100,6 +100,37 @@ def where_made(dsn: str | None, map_name: str) -> Iterator[str]:
 
     with database(dsn) as opened:
         yield place_new_map(opened, map_name).dsn or opened
+
+
+@contextmanager
+def own_shards(directory: str, count: int, *, is_own: bool) -> Iterator[list[str]]:
+    """The shards beside the directory in semap's own server: those that there are, and as many as are wanted.
+
+    is_own   whether that server is the directory's
+    raises   InvalidInput where shards are wanted on another server
+    """
+    from semap.cluster import Cluster, default_home  # noqa: PLC0415
+    from semap.errors import InvalidInput  # noqa: PLC0415
+    from semap.store.operate.shards import add_shard  # noqa: PLC0415
+
+    if not is_own and count > 1:
+        raise InvalidInput(
+            "shards of a server of your own are databases that you make",
+            "Add each: semap shard add NAME --dsn DSN",
+            "--shards",
+        )
+    with ExitStack() as stack:
+        found: list[str] = []
+        number = 2
+        while is_own and (number <= count or Cluster(default_home()).has_database(_own_name(number))):
+            found.append(stack.enter_context(own_database(_own_name(number))))
+            add_shard(directory, f"shard-{number}", found[-1])
+            number += 1
+        yield found
+
+
+def _own_name(number: int) -> str:
+    return f"{DATABASE}_shard_{number}"
 
 
 def place(
