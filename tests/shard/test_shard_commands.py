@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from psycopg.conninfo import make_conninfo
 from semap_service.cli import commands
 from server import fresh_database
 from typer.testing import CliRunner
@@ -79,3 +80,25 @@ def test_commands_find_the_shard_of_the_map_they_name(database: str, north: str,
     run(database, "map", "delete", "flat", "--yes")
     run(database, "map", "import", str(file))  # its place went with it: it is made where new maps are
     assert [row["shard"] for row in json.loads(run(database, "map", "list", "--json"))] == ["main", "main"]
+
+
+def test_whoever_may_edit_maps_alone_needs_not_know_the_way_to_shards(
+    database: str, north: str, tmp_path: Path
+) -> None:
+    """Of a database with shards, for a map that is not on them."""
+    file = tmp_path / "flat.geojson"
+    file.write_text(json.dumps(FLAT))
+    run(database, "map", "create", "house")
+    with connect(database) as owner:
+        for role in ("semap_api", "semap_ingest", "semap_read"):
+            owner.execute(f"grant {role} to current_user")
+        owner.execute("drop role if exists editor")
+        owner.execute("create role editor login in role semap_api, semap_read, semap_ingest")
+    try:
+        editor = make_conninfo(database, user="editor")
+        assert "no maps" not in run(editor, "map", "show", "house").lower()
+        assert "room_visits" in run(editor, "rule", "list", "--map", "house")
+        run(editor, "map", "import", str(file), "--map", "house")
+    finally:
+        with connect(database) as owner:
+            owner.execute("drop role editor")

@@ -8,7 +8,7 @@ from sqlalchemy import Connection, func, select
 
 from semap.errors import NotFound
 from semap.store.database.connection import translated
-from semap.store.database.tables import place, shard
+from semap.store.database.tables import map_, place, shard
 
 MAIN = 0
 """The number of the shard that is the directory itself."""
@@ -63,9 +63,35 @@ def get_shard(connection: Connection, name: str) -> Shard:
     return Shard(*row)
 
 
-def shard_of(connection: Connection, map_name: str) -> Shard | None:
-    """The shard of a map that has a place."""
+def has_shards(connection: Connection) -> bool:
+    """Whether there are others beside this database."""
     with translated():
+        return len(connection.scalars(select(shard.c.shard_id)).all()) > 1
+
+
+def is_made_here(connection: Connection, map_name: str) -> bool:
+    """Whether a map is in this database, or would be made here; who asks need not know the way to shards."""
+    with translated():
+        rows = connection.execute(select(shard.c.shard_id, shard.c.draining)).all()
+        draining = {row.shard_id: row.draining for row in rows}
+        if connection.scalar(select(map_.c.map_id).where(map_.c.name == map_name)) is not None:
+            return True
+    found = find_place(connection, map_name)
+    if found is not None:
+        return len(draining) == 1 or found.shard_id == MAIN
+    return not draining.get(MAIN, False)
+
+
+def shard_of(connection: Connection, map_name: str) -> Shard | None:
+    """The shard of a map that is not here, or has not been made; None where it is here, or has no place.
+
+    Only who asks for a map of another shard needs to know the way there (semap_admin).
+    """
+    with translated():
+        if connection.scalar(select(map_.c.map_id).where(map_.c.name == map_name)) is not None:
+            return None
+        if find_place(connection, map_name) is None:
+            return None
         row = connection.execute(
             _SHARDS.join(place, place.c.shard_id == shard.c.shard_id).where(place.c.name == map_name)
         ).one_or_none()

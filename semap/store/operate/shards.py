@@ -14,7 +14,7 @@ from sqlalchemy import Connection, text
 from semap.errors import Conflict, InvalidInput
 from semap.store.database.connection import one_transaction, own_session, translated
 from semap.store.database.name import require_name
-from semap.store.map.places import MAIN, Place, Shard, find_place, get_shard, list_shards
+from semap.store.map.places import MAIN, Place, Shard, find_place, get_shard, is_made_here, list_shards
 from semap.store.operate.schema import migrate
 
 ROLE = "semap_admin"
@@ -112,11 +112,15 @@ def place_map(dsn: str, map_name: str, shard_name: str) -> Place:
         return found
 
 
-def place_new_map(dsn: str, map_name: str) -> Shard:
-    """Where a map is, or where a new one of that name is to be made: on the directory, unless it is drained.
+def place_new_map(dsn: str, map_name: str) -> Shard | None:
+    """Where a map is, or a new one of that name is to be made: on the directory, unless it is drained.
 
-    raises  Conflict where every shard is drained
+    returns  None: here
+    raises   Conflict where every shard is drained
     """
+    with one_transaction(dsn, "semap_read") as directory:
+        if is_made_here(directory, map_name):
+            return None
     with one_transaction(dsn, ROLE) as directory:
         shards = list_shards(directory)
         found = find_place(directory, map_name)

@@ -36,17 +36,20 @@ def list_all(as_json: AsJson = False, dsn: Dsn = None) -> None:
     """List the maps."""
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.map.maps import list_maps  # noqa: PLC0415
-    from semap.store.map.places import list_shards  # noqa: PLC0415
+    from semap.store.map.places import has_shards, list_shards  # noqa: PLC0415
 
-    rows: list[dict[str, object]] = []
     with database(dsn) as opened:
-        with one_transaction(opened, "semap_admin") as connection:
-            shards = list_shards(connection)
-        for shard in shards:
-            with one_transaction(shard.dsn or opened, "semap_read") as connection:
-                found = [asdict(each) for each in list_maps(connection)]
-            rows += [{**each, "shard": shard.name} for each in found] if len(shards) > 1 else found
-    rows.sort(key=lambda row: str(row["name"]))
+        with one_transaction(opened, "semap_read") as connection:
+            rows = [asdict(found) for found in list_maps(connection)]
+            several = has_shards(connection)
+        if several:
+            with one_transaction(opened, "semap_admin") as connection:
+                known = list_shards(connection)
+            rows = []
+            for shard in known:
+                with one_transaction(shard.dsn or opened, "semap_read") as connection:
+                    rows += [{**asdict(found), "shard": shard.name} for found in list_maps(connection)]
+            rows.sort(key=lambda row: str(row["name"]))
     print_rows(rows, as_json, "No maps yet. Import one: semap map import BUILDING.geojson")
 
 

@@ -99,7 +99,8 @@ def where_made(dsn: str | None, map_name: str) -> Iterator[str]:
     from semap.store.operate.shards import place_new_map  # noqa: PLC0415
 
     with database(dsn) as opened:
-        yield place_new_map(opened, map_name).dsn or opened
+        shard = place_new_map(opened, map_name)
+        yield opened if shard is None or shard.dsn is None else shard.dsn
 
 
 @contextmanager

@@ -91,7 +91,8 @@ class Shards:
         """Where a map is, or is to be made; raises Conflict where every shard is drained."""
         if len(self.all()) == 1:
             return self._engine
-        return self.engine(place_new_map(self._dsn, map_name))
+        shard = place_new_map(self._dsn, map_name)
+        return self._engine if shard is None else self.engine(shard)
 
     def of_request(self, connection: HTTPConnection) -> Engine:
         """What the path and the query of a request are about."""

@@ -82,7 +82,8 @@ def _shard_of_map(task: Task, found: Any) -> str | None:
     """It is the file that says the name of its map, where nobody else does."""
     name = task.options.get("name")
     stem = Path(task.file).stem
-    return place_new_map(task.dsn, name_of(found, None if name is None else str(name), stem)).dsn
+    shard = place_new_map(task.dsn, name_of(found, None if name is None else str(name), stem))
+    return None if shard is None else shard.dsn
 
 
 def _read_mesh(task: Task, say: Progress) -> MeshFile:
