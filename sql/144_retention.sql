@@ -98,7 +98,7 @@ begin
       get diagnostics v_rows = row_count;
     when 'events' then
       v_ids := array(
-        select e.event_id from semap.map m cross join lateral (
+        select e.event_id from semap.place m cross join lateral (
           select event_id from semap.event where map_id = m.map_id and stamp < v_before order by stamp limit p_most) e
         limit p_most);
       delete from semap.event_evidence where event_id = any (v_ids);

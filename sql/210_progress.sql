@@ -150,13 +150,13 @@ begin
       using errcode = 'no_data_found', hint = 'Run: semap db migrate';
   end if;
   -- a map that is there stays until these events are committed, so that the worker finds them when it goes
-  perform from semap.map
+  perform from semap.place
   where map_id in (select (event ->> 'map_id')::integer from jsonb_array_elements(p_events) event)
   for key share;
   v_after := semap.write_events(v_before, (
     select coalesce(jsonb_agg(event order by place), '[]')
     from jsonb_array_elements(p_events) with ordinality as listed (event, place)
-    where exists (select from semap.map where map_id = (event ->> 'map_id')::integer)));
+    where exists (select from semap.place where map_id = (event ->> 'map_id')::integer)));
   update semap.progress set event_seq = v_after where worker = p_worker;
   return v_after - v_before;
 end $$;
@@ -168,6 +168,8 @@ create or replace function semap.collect_events(
   p_worker text, p_topic text, p_partition integer, p_from bigint, p_next bigint, p_events jsonb, p_late jsonb
 ) returns bigint
 language plpgsql security definer set search_path = public, pg_temp as $$
+declare
+  v_new  bigint;
 begin
   insert into semap.collected (topic, partition, next_offset) values (p_topic, p_partition, p_from)
   on conflict do nothing;
@@ -178,5 +180,11 @@ begin
       using errcode = 'serialization_failure';
   end if;
   perform semap.write_rows(p_worker, '{}', p_late);
-  return semap.add_events(p_worker, p_events);
+  v_new := semap.add_events(p_worker, p_events);
+  insert into semap.event_place (event_id, place)
+  select event_id, place::geometry
+  from jsonb_to_recordset(p_events) as e (event_id uuid, place text) join semap.event using (event_id)
+  where place is not null
+  on conflict do nothing;
+  return v_new;
 end $$;

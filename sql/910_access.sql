@@ -30,6 +30,7 @@ begin
         ('recording', 'exists (select from semap.source p where p.source_id = recording.source_id)'),
         ('rule_query', 'exists (select from semap.rule p where p.rule_id = rule_query.rule_id)'),
         ('event_evidence', 'exists (select from semap.event p where p.event_id = event_evidence.event_id)'),
+        ('event_place', 'exists (select from semap.event p where p.event_id = event_place.event_id)'),
         ('event_amendment', 'exists (select from semap.event p where p.event_id = event_amendment.event_id)'),
         ('change_set', 'exists (select from semap.row_version p where p.change_set_id = change_set.change_set_id)'))
     -- what is as it should be is left alone: to alter a table is to wait for all who read it
@@ -48,7 +49,7 @@ begin
     execute format('comment on policy own_maps on semap.%I is %L', v_table.name, v_table.version);
   end loop;
   execute 'grant select on'
-    ' semap.map, semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri,'
+    ' semap.map, semap.place, semap.map_anchor, semap.map_grid, semap.concept, semap.concept_parent, semap.concept_iri,'
     ' semap.frame, semap.frame_pose, semap.description, semap.geometry, semap.abstraction, semap.instance,'
     ' semap.door_room, semap.door_leaf, semap.door_now, semap.change_set, semap.row_version, semap.source,'
     ' semap.recording, semap.camera_report, semap.bridge, semap.bridge_position, semap.track,'
@@ -58,7 +59,7 @@ begin
     ' semap.query_track, semap.pair_query, semap.pair_instance, semap.followed_state, semap.pair_progress,'
     ' semap.track_end, semap.object_state, semap.rule,'
     ' semap.rule_query, semap.rule_version, semap.rule_given_up, semap.late_row, semap.event_number, semap.event_count,'
-    ' semap.event_evidence,'
+    ' semap.event_evidence, semap.event_place,'
     ' semap.event_amendment, semap.recompute_run, semap.source_count, semap.kept_table,'
     ' semap.behaviour, semap.schema_version, semap.door_present, semap.relation_held, semap.relation_now,'
     ' semap.relation_span,'
@@ -78,6 +79,15 @@ from semap_read, semap_ingest, semap_worker, semap_api, semap_read_map, semap_in
 grant insert, delete on semap.login_map to semap_admin;
 grant insert, update (last_used_at, revoked_at) on semap.token to semap_admin;
 grant insert on semap.token_map to semap_admin;
+
+-- The way into other databases, maybe with a password, is for those who keep tokens; others see which shards there are.
+revoke select on semap.shard from semap_read, semap_ingest, semap_worker, semap_api;
+grant select (shard_id, name, draining, added_at) on semap.shard
+to semap_read, semap_ingest, semap_worker, semap_api;
+grant update (draining) on semap.shard to semap_admin;
+grant insert, update, delete on semap.place to semap_admin;
+grant usage on sequence semap.map_map_id_seq to semap_admin;
+grant execute on function semap.forget_place, semap.leave_place to semap_admin;
 
 -- semap_admin: all that writers and sources may.
 grant insert, delete, update (name) on semap.map to semap_admin;

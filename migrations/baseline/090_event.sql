@@ -136,6 +136,13 @@ create table semap.event_evidence (
 comment on column semap.event_evidence.uid is
   'No foreign key: the log shows a row an instant before other sessions may see it.';
 
+create table semap.event_place (
+  event_id  uuid primary key references semap.event (event_id) on delete cascade,
+  place     public.geometry not null
+);
+comment on table semap.event_place is
+  'Where events were that were gathered from a shard, whose tracks and instances are not here.';
+
 create table semap.recompute_run (
   run_id       integer generated always as identity primary key,
   map_id       integer not null,

@@ -22,7 +22,7 @@ comment on column semap.token.hint is 'How the token begins, to be recognised.';
 
 create table semap.token_map (
   token_id  integer not null references semap.token on delete cascade,
-  map_id    integer not null references semap.map on delete cascade,
+  map_id    integer not null references semap.place on delete cascade,
   primary key (token_id, map_id)
 );
 create index token_map_map on semap.token_map (map_id);

@@ -99,10 +99,10 @@ def give_tokens(service: Guarded) -> None:
         )
 
 
-def furnish(dsn: str) -> dict[str, int]:
-    """The maps `office` and `annex`: a room, a track in it, an event, a state; the ids of what is in the office."""
+def furnish(dsn: str, *names: str) -> dict[str, int]:
+    """The maps `office` and `annex`, or others: a room, a track in it, an event, a state; the ids of what is in the last."""
     ids = {}
-    for name in ("annex", "office"):
+    for name in names or ("annex", "office"):
         world = World(dsn, name)
         room = world.add_room(f"{name} room", shapely.box(0, 0, 4, 4))
         track = world.add_track(f"{name} person")

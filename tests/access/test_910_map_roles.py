@@ -20,7 +20,7 @@ UNREADABLE = HIDDEN | {
     "job", "login_map", "line_observation", "track_state", "state_chunk", "region_cell", "region_edge", "rule_state", "collected", "pending_row",
     "region_wanted", "query_side", "query_predicate", "side_track", "query_track_wanted",
     "pair_side", "pair_instance_wanted", "pair_track_wanted", "pair_reach", "track_side",
-    "stored_state", "unflushed_state", "late_state", "reading_due",
+    "stored_state", "unflushed_state", "late_state", "reading_due", "shard",
 }  # fmt: skip
 
 

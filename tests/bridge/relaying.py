@@ -87,7 +87,9 @@ def go_on(scene: DoorScene) -> None:
     scene.watermark(130)
     scene.world.add_room("annex", shapely.box(8, 0, 12, 4))
     scene.add_rule("looks_back", STAYED | {"within": "4 s"}, backfill_from_s=0)
-    scene.world.run("delete from semap.rule where name = 'left_then_closed'")
+    scene.world.run(
+        "delete from semap.rule where map_id = %s and name = 'left_then_closed'", scene.world.map_id
+    )
     scene.passage(140, "ann", "bob")
     scene.watermark(300)
 

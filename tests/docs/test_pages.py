@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 from bridge.mosquitto import needs_mosquitto
 from semap_bridge.config import read_config
+from server import reachable_folder
 from transcript import Session, blocks
+
+from semap.cluster import Cluster
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -30,6 +33,7 @@ PAGES = (
     "docs/how-to/write-a-map.md",
 )
 SLOW = ("docs/how-to/recording.md", "docs/how-to/ros2-robot.md")
+ON_ITS_OWN_SERVER = "docs/how-to/shards.md"
 WITH_BROKERS = ("docs/how-to/kafka.md", "docs/how-to/rules-apart.md", "docs/bridges/nats.md")
 """See test_broker_pages."""
 
@@ -45,6 +49,19 @@ def test_a_page_is_true(reader: Session, page: str) -> None:
 @pytest.mark.parametrize("page", SLOW)
 def test_a_page_about_recordings_is_true(reader: Session, page: str) -> None:
     reader.follow(CHECKOUT / page)
+
+
+def test_the_page_about_shards_is_true(reader: Session) -> None:
+    """On a server of semap's own, whose databases the page lets it make."""
+    with reachable_folder() as home:
+        reader.environment = {
+            **{name: value for name, value in reader.environment.items() if name != "SEMAP_DSN"},
+            "SEMAP_HOME": str(home),
+        }
+        try:
+            reader.follow(CHECKOUT / "docs/how-to/shards.md")
+        finally:
+            Cluster(home).stop()
 
 
 @needs_mosquitto
@@ -91,4 +108,4 @@ def test_every_page_for_beginners_that_shows_commands_is_followed() -> None:
         for page in pages
         if any(block.kind in ("console", "pycon") for block in blocks(page.read_text()))
     }
-    assert shown == {*PAGES, *SLOW, *WITH_BROKERS, "docs/how-to/my-house.md"}
+    assert shown == {*PAGES, *SLOW, *WITH_BROKERS, ON_ITS_OWN_SERVER, "docs/how-to/my-house.md"}

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 
 import psycopg
 from psycopg import errors, sql
+from psycopg.conninfo import conninfo_to_dict
 from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import NullPool
@@ -29,6 +30,7 @@ from semap.errors import (
 
 CONNECT_TIMEOUT_S = 10
 MOST_NAMES = 10
+PARTS_OF_AN_ADDRESS = ("service", "host", "hostaddr", "port", "dbname")
 
 
 def connect(
@@ -159,6 +161,15 @@ def canceller(connection: Connection, within_s: float) -> Callable[[], None]:
                 driver.cancel_safe(timeout=within_s)
 
     return cancel
+
+
+def address_of(dsn: str) -> str:
+    """Which database a DSN means, without its password or who logs in."""
+    try:
+        said = conninfo_to_dict(dsn)
+    except psycopg.Error:
+        return "a DSN that PostgreSQL does not read"
+    return " ".join(f"{part}={said[part]}" for part in PARTS_OF_AN_ADDRESS if said.get(part))
 
 
 def see_one_state(connection: Connection) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Connection, func, literal_column, select
 
 from semap.store.database.connection import translated
-from semap.store.database.tables import event, event_count, map_, progress
+from semap.store.database.tables import event, event_count, place, progress
 
 NEWEST = select(
     func.greatest(
@@ -14,8 +14,8 @@ NEWEST = select(
         literal_column("0"),
     )
 )
-NEWEST_OF_MAPS = select(map_.c.name, event_count.c.newest).join(
-    event_count, event_count.c.map_id == map_.c.map_id
+NEWEST_OF_MAPS = select(place.c.name, event_count.c.newest).join(
+    event_count, event_count.c.map_id == place.c.map_id
 )
 
 
@@ -26,6 +26,6 @@ def newest_event(connection: Connection, of_map: str | None = None) -> int:
     """
     newest = NEWEST
     if of_map is not None:
-        newest = NEWEST_OF_MAPS.with_only_columns(event_count.c.newest).where(map_.c.name == of_map)
+        newest = NEWEST_OF_MAPS.with_only_columns(event_count.c.newest).where(place.c.name == of_map)
     with translated():
         return int(connection.execute(newest).scalar_one_or_none() or 0)

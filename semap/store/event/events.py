@@ -26,8 +26,9 @@ from semap.store.database.tables import (
     event_amendment,
     event_evidence,
     event_number,
-    map_,
+    event_place,
     one_of,
+    place,
 )
 from semap.store.map.maps import map_id_of
 
@@ -111,7 +112,7 @@ def read_stretch(
     number = event_number.c.number if own else event.c.seq
     nearest = select(number.label("seq")).where(number > after).order_by(number).limit(LOOKED_AT)
     if own:
-        nearest = nearest.join(map_, map_.c.map_id == event_number.c.map_id).where(map_.c.name == map_name)
+        nearest = nearest.join(place, place.c.map_id == event_number.c.map_id).where(place.c.name == map_name)
     near = nearest.subquery()
     with translated():
         last, count = connection.execute(select(func.max(near.c.seq), func.count(near.c.seq))).one()
@@ -148,7 +149,7 @@ def list_events(
     if until is not None:
         found = found.where((event_number.c.number if own else event.c.seq) <= until)
     if map_name is not None:
-        found = found.where(map_.c.name == map_name)
+        found = found.where(place.c.name == map_name)
     if event_type is not None:
         found = found.where(event.c.type == event_type)
     if rule_name is not None:
@@ -199,8 +200,8 @@ def kept_events(connection: Connection, of_map: str | None = None) -> Kept:
     newest = newest_event(connection, of_map)
     oldest = select(func.min(event.c.seq))
     if of_map is not None:
-        of_this = event_number.join(map_, map_.c.map_id == event_number.c.map_id)
-        oldest = select(func.min(event_number.c.number)).select_from(of_this).where(map_.c.name == of_map)
+        of_this = event_number.join(place, place.c.map_id == event_number.c.map_id)
+        oldest = select(func.min(event_number.c.number)).select_from(of_this).where(place.c.name == of_map)
     with translated():
         return Kept(connection.scalar(oldest), newest)
 
@@ -222,14 +223,15 @@ _POSITION = (
     )
     .scalar_subquery()
 )
+_GATHERED = select(event_place.c.place).where(event_place.c.event_id == event.c.event_id).scalar_subquery()
 _PLACE = func.public.st_asbinary(
-    func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION)
+    func.coalesce(func.semap.place_at(event.c.track_id, event.c.stamp), _POSITION, _GATHERED)
 ).label("place")
 EVENTS = (
     select(
         event.c.seq,
         event.c.event_id,
-        map_.c.name,
+        place.c.name,
         event.c.type,
         event.c.stamp,
         event.c.cause,
@@ -266,7 +268,7 @@ EVENTS = (
         event_number.c.number,
     )
     .join(event_number, event_number.c.event_id == event.c.event_id)
-    .join(map_, map_.c.map_id == event.c.map_id)
+    .join(place, place.c.map_id == event.c.map_id)
     .join(event_amendment, event_amendment.c.event_id == event.c.event_id, isouter=True)
 )
 

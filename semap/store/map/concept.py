@@ -55,7 +55,7 @@ def list_concepts(
     connection: Connection, *, after: str = "", limit: int | None = None
 ) -> tuple[Concept, ...]:
     """Concepts by name, from the first name after `after`; all, or at most `limit`."""
-    found = _CONCEPTS.where(concept.c.name > after).order_by(concept.c.name).limit(limit)
+    found = _CONCEPTS.where(after < _NAME).order_by(_NAME).limit(limit)
     with translated():
         return tuple(_concept(tuple(row)) for row in connection.execute(found))
 
@@ -279,6 +279,7 @@ def _concept(row: Sequence[Any]) -> Concept:
     return Concept(id_, name, tuple(parents or ()), tuple(iris or ()), comment, schema)
 
 
+_NAME = concept.c.name.collate("C")  # so that lists of several databases are in one order
 _ABOVE = concept.alias("above")
 _CONCEPTS = select(
     concept.c.concept_id,

@@ -83,9 +83,9 @@ def _add_visits(connection: Connection, map_id: int) -> None:
 
 
 def list_maps(connection: Connection, *, after: str = "", limit: int = 1000) -> tuple[Map, ...]:
-    """At most `limit` maps by name, from the first name after `after`."""
+    """At most `limit` maps by name (by its characters' numbers), from the first name after `after`."""
     with translated():
-        rows = connection.execute(_MAPS.where(map_.c.name > after).order_by(map_.c.name).limit(limit))
+        rows = connection.execute(_MAPS.where(after < _NAME).order_by(_NAME).limit(limit))
         return tuple(Map(*row) for row in rows)
 
 
@@ -118,6 +118,7 @@ def delete_map(connection: Connection, name: str) -> None:
         raise NotFound("map", name, "List the maps to see their names.")
 
 
+_NAME = map_.c.name.collate("C")  # so that lists of several databases are in one order
 _MAPS = select(
     map_.c.map_id,
     map_.c.uid,

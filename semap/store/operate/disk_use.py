@@ -28,7 +28,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "changes": ("relation_change", "object_state", "door_now"),
     "events and evidence": (
-        "event", "event_number", "event_count", "event_evidence", "event_amendment", "recompute_run",
+        "event", "event_number", "event_count", "event_evidence", "event_place", "event_amendment",
+        "recompute_run",
     ),
     "rules and their state": (
         "rule", "rule_query", "rule_version", "rule_state", "pending_row", "late_row", "progress",
@@ -36,8 +37,8 @@ GROUPS: Mapping[str, Sequence[str]] = {
     ),
     "history of the map": ("change_set", "row_version"),
     "map and meshes": (
-        "map", "map_anchor", "map_grid", "concept", "concept_parent", "concept_iri", "frame", "frame_pose",
-        "description", "geometry", "abstraction", "instance", "door_room", "door_leaf",
+        "map", "place", "shard", "map_anchor", "map_grid", "concept", "concept_parent", "concept_iri",
+        "frame", "frame_pose", "description", "geometry", "abstraction", "instance", "door_room", "door_leaf",
     ),
 }  # fmt: skip
 OTHERS = "jobs, webhooks and others"

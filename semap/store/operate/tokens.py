@@ -19,8 +19,8 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 
 from semap.errors import InvalidInput, NotFound
 from semap.store.database.connection import translated
-from semap.store.database.tables import map_, token, token_map
-from semap.store.map.maps import map_id_of
+from semap.store.database.tables import place, token, token_map
+from semap.store.map.places import place_of
 from semap.store.operate.jobs import cancel_jobs_of
 
 SCOPES = ("read", "write", "ingest", "admin")
@@ -40,9 +40,9 @@ FIND = text("""
       where t.token_id = f.token_id
         and (f.last_used_at is null or f.last_used_at < clock_timestamp() - interval '1 minute'))
     select f.token_id, f.name, f.scopes, f.all_maps,
-           array(select m.map_id from semap.token_map tm join semap.map m using (map_id)
+           array(select m.map_id from semap.token_map tm join semap.place m using (map_id)
                  where tm.token_id = f.token_id order by m.map_id),
-           array(select m.name from semap.token_map tm join semap.map m using (map_id)
+           array(select m.name from semap.token_map tm join semap.place m using (map_id)
                  where tm.token_id = f.token_id order by m.map_id)
     from found f
 """)
@@ -96,7 +96,7 @@ def add_token(
     wanted = _scopes(scopes)
     _check(name, wanted, maps, expires_at)
     secret = PREFIX + secrets.token_urlsafe(SECRET_BYTES)
-    map_ids = None if maps is None else sorted({map_id_of(connection, each) for each in maps})
+    map_ids = None if maps is None else sorted({place_of(connection, each).map_id for each in maps})
     with translated():
         token_id = connection.scalar(
             insert(token)
@@ -234,8 +234,8 @@ _TOKENS = select(
     token.c.hint,
     token.c.scopes,
     token.c.all_maps,
-    select(func.array_agg(aggregate_order_by(map_.c.name, map_.c.name)))
-    .select_from(token_map.join(map_, map_.c.map_id == token_map.c.map_id))
+    select(func.array_agg(aggregate_order_by(place.c.name, place.c.name)))
+    .select_from(token_map.join(place, place.c.map_id == token_map.c.map_id))
     .where(token_map.c.token_id == token.c.token_id)
     .scalar_subquery(),
     token.c.created_at,

@@ -93,7 +93,7 @@ class Authorisation:
         if refusal is not None:
             await refuse(refusal, scope, receive, send)
             return
-        demand = demand_of(scope.get("method", "GET"), _route(scope))
+        demand = demand_of(scope.get("method", "GET"), route_path(scope))
         token = None if self._token_cache is None or demand.scope is None else shown_token(scope)
         try:
             found, key, allowance = await self._come_forward(demand, token, address_of(scope))
@@ -270,7 +270,7 @@ async def _end(refusal: Refusal, sender: _Sender, scope: Connection, receive: Re
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
-def _route(scope: Connection) -> str:
+def route_path(scope: Connection) -> str:
     """The path as routes know it, without what a proxy put before it."""
     path, root = str(scope["path"]), str(scope.get("root_path", ""))
     return path.removeprefix(root) if root and path.startswith(f"{root}/") else path

@@ -32,6 +32,7 @@ from semap_service.cli import (
     relay,
     rigs,
     rules,
+    shards,
     simulate,
     sources,
     tokens,
@@ -99,6 +100,7 @@ def commands() -> typer.Typer:
     app.command("derive")(relay.derive)
     app.command("collect")(relay.collect)
     app.add_typer(relay.commands(), name="flink")
+    app.add_typer(shards.commands(), name="shard")
     app.command("doctor")(doctor.doctor)
     app.add_typer(database.commands(), name="db")
     return app

@@ -39,7 +39,7 @@ def anchor(
 
     if remove and epsg is not None:
         raise InvalidInput("--remove and --epsg at once", "Give one of them.")
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         if remove:
             with signed_edit(opened, f"semap map anchor {map_name} --remove") as connection:
                 remove_anchor(connection, map_name)

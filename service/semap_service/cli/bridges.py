@@ -165,7 +165,7 @@ def list_all(
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.bridges import list_bridges  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
             get_map(connection, map_name)
         found = list_bridges(connection, map_name=map_name, limit=1000)
@@ -186,7 +186,7 @@ def forget(
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.bridges import forget_bridge  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_ingest") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_ingest") as connection:
         forget_bridge(connection, get_map(connection, map_name).map_id, name)
     typer.echo(f"Forgot the bridge {name} of the map {map_name}.")
 

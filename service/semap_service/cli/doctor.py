@@ -78,7 +78,7 @@ def _verify(dsn: str | None, map_name: str | None, repair: bool, as_json: bool) 
         if is_seen:
             typer.echo(f"\r\033[K{visible(said)} ...\r", nl=False, err=True)
 
-    with database(dsn) as own:
+    with database(dsn, map_name) as own:
         verification = verify(own, progress)
         with verification.connection:
             found = _look(verification, map_name, as_json)

@@ -29,7 +29,7 @@ def list_all(
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.doors import list_doors  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
             get_map(connection, map_name)
         found = list_doors(connection, map_name=map_name, after=after, limit=1000)

@@ -74,7 +74,7 @@ def export(
 
     with (
         written(file) as draft,
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         one_transaction(opened, "semap_read", application="semap log export") as connection,
     ):
         match file.suffix:
@@ -122,7 +122,7 @@ def mcap(
     with (
         ExitStack() as opened,
         written(file) as draft,
-        database(dsn) as server,
+        database(dsn, map_name) as server,
         one_transaction(server, "semap_read", application="semap log mcap") as connection,
     ):
         sensors = None if recording is None else opened.enter_context(Recording(recording))

@@ -157,10 +157,10 @@ def _stretch(engine: Engine, after: int, selection: Selection) -> tuple[Stretch,
 
 def _require_map(dsn: str, name: str) -> None:
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
-    from semap.store.map.maps import get_map  # noqa: PLC0415
+    from semap.store.map.places import place_of  # noqa: PLC0415
 
     with one_transaction(dsn, "semap_read", application="semap events") as connection:
-        get_map(connection, name)
+        place_of(connection, name)
 
 
 def row_of(event: StoredEvent, stands: Standing) -> dict[str, Any]:

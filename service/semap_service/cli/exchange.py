@@ -62,7 +62,8 @@ def import_file(
     import tempfile  # noqa: PLC0415
 
     from semap_service.cli.progress import progress_bar  # noqa: PLC0415
-    from semap_service.exchange.map_file import bring_in, read_file  # noqa: PLC0415
+    from semap_service.cli.shards import where_made  # noqa: PLC0415
+    from semap_service.exchange.map_file import bring_in, name_of, read_file  # noqa: PLC0415
 
     with (
         progress_bar("objects read", quiet=as_json) as advance,
@@ -70,7 +71,7 @@ def import_file(
     ):
         found = read_file(file, advance, Path(scratch), None if crs is None else crs.value)
     with (
-        database(dsn) as opened,
+        where_made(dsn, name_of(found, name, file.stem)) as opened,
         signed_edit(opened, f"semap map import {file}") as connection,
         progress_bar("objects placed", quiet=as_json) as advance,
     ):
@@ -116,7 +117,7 @@ def export_file(
             "Give a folder, a map.yaml, a .glb or a .geojson file.",
             str(path),
         )
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         see_one_state(connection)
         if suffix == GLB:
             from semap.formats.gltf import write_gltf  # noqa: PLC0415

@@ -19,7 +19,7 @@ def frames(map_name: MapName, as_json: AsJson = False, dsn: Dsn = None) -> None:
     from semap.store.map.frames import list_frames  # noqa: PLC0415
 
     rows: list[dict[str, object]] = []
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         after = 0
         while page := list_frames(connection, map_name, after=after, limit=1000):
             for found in page:
@@ -55,7 +55,7 @@ def transform(
     from semap.store.map.frames import transform as between  # noqa: PLC0415
 
     stamp = None if at is None else _stamp(at)
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         target_id = frame_named(connection, map_name, target).frame_id
         source_id = frame_named(connection, map_name, source).frame_id
         pose = asdict(between(connection, target_id, source_id, stamp))

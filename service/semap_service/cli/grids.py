@@ -30,7 +30,7 @@ def grid(
     from semap.store.map.grids import delete_grid, put_grid, read_grids  # noqa: PLC0415
 
     read = None if file is None else read_grid(file, name)
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         if read is not None or remove is not None:
             with signed_edit(opened, f"semap map grid {map_name}") as connection:
                 if remove is not None:

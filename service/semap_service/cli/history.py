@@ -26,7 +26,7 @@ def history(
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.map import history as kept  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if change is not None:
             kept.get_change_set(connection, change)
             rows = [asdict(each) for each in kept.rows_of(connection, change)]

@@ -160,7 +160,7 @@ def tracks(
         concept=concept,
         attributes=read_attributes(attributes),
     )
-    with database(dsn) as opened, Follower(opened) as follower:
+    with database(dsn, map_name) as opened, Follower(opened) as follower:
         if frame is not None:
             read = in_map_frame(opened, map_name, frame, read)
         with progress_bar("states", quiet=as_json) as advance:
@@ -284,7 +284,7 @@ def objects(
     read = read_object_states(file, layout)
     _tell_left_out(read.left_out)
     plan = ObjectPlan(map_name, source or file.stem, batch, keep_open)
-    with database(dsn) as opened, progress_bar("states", quiet=as_json) as advance:
+    with database(dsn, map_name) as opened, progress_bar("states", quiet=as_json) as advance:
         added = ingest_object_states(opened, plan, read, advance)
     states = len(read.states)
     if as_json:
@@ -426,7 +426,7 @@ def recording(
         person_classes=tuple(person_class or PERSON_CLASSES),
     )
     with (
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         progress_bar("tenths of a second", quiet=as_json) as advance,
         interruptible() as stop,
     ):

@@ -52,7 +52,7 @@ def plan(
 
     _require_picture(file)
     with (
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         one_transaction(opened, "semap_read", application="semap plot") as connection,
     ):
         shown = things(connection, map_name, storey)
@@ -115,7 +115,7 @@ def trajectories(
     _require_picture(file)
     require_order(start, end)
     with (
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         one_transaction(opened, "semap_read", application="semap plot") as connection,
     ):
         shown = things(connection, map_name, storey)
@@ -154,7 +154,7 @@ def timeline(
     _require_picture(file)
     require_order(start, end)
     with (
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         one_transaction(opened, "semap_read", application="semap plot") as connection,
     ):
         span = span_of(connection, map_name)

@@ -14,6 +14,7 @@ import typer
 from semap_service.cli.log_options import LogFormatOption, LogLevelOption
 from semap_service.cli.output import say
 from semap_service.cli.session import Dsn, database
+from semap_service.cli.shards import own_shards
 from semap_service.operations.log_lines import LogFormat, write_log
 
 Host = Annotated[str, typer.Option(envvar="SEMAP_HOST", help="Address to listen on.")]
@@ -80,6 +81,10 @@ def up(
     max_upload_mb: MaxUpload = 2048,
     allow_private_webhooks: AllowPrivateWebhooks = False,
     bridge: Bridge = None,
+    shards: Annotated[
+        int,
+        typer.Option(min=1, max=64, help="Databases of semap's own that share the maps, each with a worker."),
+    ] = 1,
     log_format: LogFormatOption = LogFormat.TEXT,
     log_level: LogLevelOption = None,
     dsn: Dsn = None,
@@ -103,8 +108,14 @@ def up(
     served += ["--without-tokens"] if without_tokens else []
     served += ["--allow-private-webhooks"] if allow_private_webhooks else []
     say("Starting the database ...")
-    with database(dsn) as opened, Supervisor(opened) as supervisor:
+    with (
+        database(dsn) as opened,
+        own_shards(opened, shards, is_own=dsn is None) as others,
+        Supervisor(opened) as supervisor,
+    ):
         supervisor.start("work", *logged)
+        for other in others:
+            supervisor.start("work", *logged, dsn=other)
         supervisor.start("serve", *served, *logged)
         for config in configs:
             start_bridges(supervisor, config, logged)
@@ -189,6 +200,7 @@ def work(
 def at_work(name: str, dsn: str | None) -> Iterator[str]:
     """The database, while background tasks of whoever follows its log go on."""
     from semap.worker.correcting import correcting  # noqa: PLC0415
+    from semap.worker.gathering import gathering  # noqa: PLC0415
     from semap.worker.housekeeping import housekeeping  # noqa: PLC0415
     from semap.worker.query_requests import answering  # noqa: PLC0415
     from semap.worker.settling import settling  # noqa: PLC0415
@@ -201,6 +213,7 @@ def at_work(name: str, dsn: str | None) -> Iterator[str]:
         answering(opened),
         settling(opened),
         correcting(opened),
+        gathering(opened),
     ):
         yield opened
 

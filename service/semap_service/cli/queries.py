@@ -45,7 +45,7 @@ def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = Non
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.relation.queries import list_queries  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
             get_map(connection, map_name)
         found = list_queries(connection, map_name=map_name, limit=1000)
@@ -139,7 +139,7 @@ def add(
         abstraction=abstraction,
         dimensions=2 if flat else 3,
     )
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_api") as connection:
         if sql is not None:
             options.require_plain(asked)
             asked = declaration_from_sql(connection, name, sql)
@@ -217,7 +217,7 @@ def watch(
     from semap.store.relation.queries import find_query  # noqa: PLC0415
     from semap.worker.query_watch import watch_query  # noqa: PLC0415
 
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         with one_transaction(opened, "semap_read") as connection:
             query = find_query(connection, map_name, name)
         changes = 0

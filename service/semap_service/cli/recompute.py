@@ -63,7 +63,7 @@ def recompute(
     if reach_s < same_s:
         raise InvalidInput("--reach is less than --same", "Give it at least as much.", "--reach")
     plan = Plan(map_name, start, end, rules, Motion(acceleration, std_m), same_s, reach_s)
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         outcome = recompute(opened, plan, _silent if as_json else _say, dry_run=dry_run)
     counts = outcome.counts()
     if as_json:

@@ -43,6 +43,9 @@ def show(chosen: Chosen, as_json: bool, dsn: str | None) -> None:
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.relation.relation_spans import list_spans  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with (
+        database(dsn, chosen.map) as opened,
+        one_transaction(opened, "semap_read") as connection,
+    ):
         rows = [dict(row) for row in list_spans(connection, chosen)]
     print_rows(rows, as_json, "No relation holds now." if chosen.is_now else "No relation held then.")

@@ -171,7 +171,7 @@ def check(
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.map.maps import get_map  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         uid = str(get_map(connection, map_name).uid)
     topics = _topics(kafka, prefix)
     from semap_bridge.relay.collecting import check as compare  # noqa: PLC0415

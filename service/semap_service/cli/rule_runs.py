@@ -50,7 +50,7 @@ def dry_run(
 
     declaration = declaration_in(file)
     given_up: list[GivenUp] = []
-    with database(dsn) as opened, connect(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, connect(opened, "semap_read") as connection:
         events = past.dry_run(
             connection, map_name, declaration, start, end, tell=lambda rule, what: given_up.append(what)
         )
@@ -103,7 +103,7 @@ def explain(
 
     key = dict(_named(each) for each in keys or ())
     span = _span(at, start, end)
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         declaration, found = _declared(opened, rule, map_name)
         with connect(opened, "semap_read") as connection:
             if certificate is None and at is not None and set(key) == set(declaration.partition_by):
@@ -201,7 +201,7 @@ def _require_stored(document: dict[str, Any], dsn: str | None) -> None:
     from semap.store.event.rules import find_rule, list_versions  # noqa: PLC0415
     from semap.worker.why import certificate_is_stored  # noqa: PLC0415
 
-    with database(dsn) as opened:
+    with database(dsn, document["map"]) as opened:
         with one_transaction(opened, "semap_read") as connection:
             found = find_rule(connection, document["rule"]["name"], document["map"])
             versions = {each.version: each for each in list_versions(connection, found.rule_id)}
@@ -235,7 +235,7 @@ def learn(
     from semap.worker.past import learnt  # noqa: PLC0415
     from semap_service.database.rule_edit import replace_rule  # noqa: PLC0415
 
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         declaration, found = _declared(opened, rule, map_name)
         with connect(opened, "semap_read") as connection:
             fitted = learnt(connection, found.map, declaration, start, end)
@@ -281,7 +281,7 @@ def mine(
     from semap.worker.past import mined  # noqa: PLC0415
 
     wanted = Wanted(read_duration(within, "--within"), support, confidence)
-    with database(dsn) as opened, connect(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, connect(opened, "semap_read") as connection:
         found = mined(connection, map_name, wanted, inputs or (), start, end, most)
     proposals = [each.proposal for each in found]
     if as_json:
@@ -323,7 +323,7 @@ def replay_late(map_name: MapOption = None, dsn: Dsn = None) -> None:
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.worker.late_replay import replay_late as replay  # noqa: PLC0415
 
-    with database(dsn) as opened:
+    with database(dsn, map_name) as opened:
         if map_name is not None:
             with one_transaction(opened, "semap_read") as connection:
                 get_map(connection, map_name)

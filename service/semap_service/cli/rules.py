@@ -51,7 +51,7 @@ def list_all(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = Non
     """List the rules."""
     from semap.store.event.rules import list_rules  # noqa: PLC0415
 
-    with _reading(dsn) as connection:
+    with _reading(dsn, map_name) as connection:
         _require_map(connection, map_name)
         found = list_rules(connection, map_name=map_name, limit=None)
     rows = [asdict(each) for each in found]
@@ -87,7 +87,7 @@ def show(
     from semap.rules.language.written import write_rule  # noqa: PLC0415
     from semap.store.event.rules import find_rule  # noqa: PLC0415
 
-    with _reading(dsn) as connection:
+    with _reading(dsn, map_name) as connection:
         found = find_rule(connection, rule, map_name)
         if form == "json":
             print_json(asdict(found))
@@ -118,7 +118,7 @@ def describe(
     if file is not None:
         say(said_of(declaration_in(file)))
         return
-    with _reading(dsn) as connection:
+    with _reading(dsn, map_name) as connection:
         found = find_rule(connection, str(rule), map_name)
     say(said_of(parse_declaration(found.declaration, found.name)))
 
@@ -127,7 +127,7 @@ def versions(rule: RuleName, map_name: MapOfRule = None, as_json: AsJson = False
     """List the versions of a rule from the first on; --json shows all that each declared."""
     from semap.store.event.rules import find_rule, list_versions  # noqa: PLC0415
 
-    with _reading(dsn) as connection:
+    with _reading(dsn, map_name) as connection:
         rule_id = find_rule(connection, rule, map_name).rule_id
         rows = [asdict(found) for found in list_versions(connection, rule_id)]
     if not as_json:
@@ -194,7 +194,7 @@ def add(
 
     declaration = declaration_in(file)
     since = None if backfill is None else backfill_stamp(backfill)
-    with _editing(dsn) as connection:
+    with _editing(dsn, map_name) as connection:
         try:
             known = find_rule(connection, declaration.name, map_name) if replace else None
         except NotFound as error:
@@ -220,7 +220,7 @@ def replace(
     from semap_service.database.rule_edit import backfill_stamp, replace_rule  # noqa: PLC0415
 
     since = None if backfill is None else backfill_stamp(backfill)
-    with _editing(dsn) as connection:
+    with _editing(dsn, map_name) as connection:
         known = find_rule(connection, rule, map_name)
         done = replace_rule(connection, known.rule_id, declaration_in(file, known.name), since)
     _say(done, "replaced")
@@ -241,7 +241,7 @@ def delete(rule: RuleName, map_name: MapOfRule = None, dsn: Dsn = None) -> None:
     from semap.store.event.rules import find_rule  # noqa: PLC0415
     from semap_service.database.rule_edit import delete_rule  # noqa: PLC0415
 
-    with _editing(dsn) as connection:
+    with _editing(dsn, map_name) as connection:
         known = find_rule(connection, rule, map_name)
         delete_rule(connection, known.rule_id)
     say(f"Rule {known.rule_id} deleted: {known.name}.")
@@ -251,7 +251,7 @@ def late(map_name: MapOption = None, as_json: AsJson = False, dsn: Dsn = None) -
     """Count late rows, which came behind the watermark, by map and input."""
     from semap.store.event.late_rows import count_late_rows  # noqa: PLC0415
 
-    with _reading(dsn) as connection:
+    with _reading(dsn, map_name) as connection:
         _require_map(connection, map_name)
         rows = [asdict(found) for found in count_late_rows(connection, map_name=map_name)]
     print_rows(rows, as_json, "No row came late.")
@@ -268,7 +268,7 @@ def _require_map(connection: Connection, map_name: str | None) -> None:
 def _enable(rule: str, map_name: str | None, enabled: bool, dsn: str | None) -> None:
     from semap.store.event.rules import enable_rule, find_rule  # noqa: PLC0415
 
-    with _editing(dsn) as connection:
+    with _editing(dsn, map_name) as connection:
         done = enable_rule(connection, find_rule(connection, rule, map_name).rule_id, enabled)
     say(f"Rule {done.name} is {'enabled' if done.enabled else 'disabled'}.")
 
@@ -280,16 +280,16 @@ def _say(done: Rule, what: str) -> None:
 
 
 @contextmanager
-def _reading(dsn: str | None) -> Iterator[Connection]:
+def _reading(dsn: str | None, map_name: str | None) -> Iterator[Connection]:
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         yield connection
 
 
 @contextmanager
-def _editing(dsn: str | None) -> Iterator[Connection]:
+def _editing(dsn: str | None, map_name: str | None) -> Iterator[Connection]:
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_api") as connection:
         yield connection

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -34,21 +34,28 @@ DATABASE = "semap"
 
 
 @contextmanager
-def database(dsn: str | None) -> Iterator[str]:
+def database(dsn: str | None, map_name: str | None = None) -> Iterator[str]:
     """The DSN of a database whose schema is up to date.
 
     semap's own is started, made and migrated as needed; the user's own is only checked.
+
+    map_name  of what is to be done: the database is that of the shard where this map is, or is to be made
     """
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
+    from semap.store.map.places import shard_of  # noqa: PLC0415
     from semap.store.operate.schema import require_current  # noqa: PLC0415
 
-    if dsn is not None:
-        with one_transaction(dsn) as connection:
+    with nullcontext(dsn) if dsn is not None else own_database() as opened:
+        with one_transaction(opened) as connection:
+            if dsn is not None:
+                require_current(connection)
+            shard = None if map_name is None else shard_of(connection, map_name)
+        if shard is None or shard.dsn is None:
+            yield opened
+            return
+        with one_transaction(shard.dsn) as connection:
             require_current(connection)
-        yield dsn
-        return
-    with own_database() as own:
-        yield own
+        yield shard.dsn
 
 
 @contextmanager

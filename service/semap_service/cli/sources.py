@@ -33,7 +33,7 @@ def list_all(
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.sources import list_sources  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
             get_map(connection, map_name)
         found = list_sources(connection, map_name=map_name, limit=1000)
@@ -70,7 +70,7 @@ def change(
     from semap.store.database.connection import one_transaction  # noqa: PLC0415
     from semap.store.motion.sources import change_source, find_source  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_api") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_api") as connection:
         known = find_source(connection, map_name, name)
         was = known.settings
         settings = replace(

@@ -42,7 +42,7 @@ def list_all(
     from semap.store.map.maps import get_map  # noqa: PLC0415
     from semap.store.motion.tracks import count_ended, list_tracks  # noqa: PLC0415
 
-    with database(dsn) as opened, one_transaction(opened, "semap_read") as connection:
+    with database(dsn, map_name) as opened, one_transaction(opened, "semap_read") as connection:
         if map_name is not None:
             get_map(connection, map_name)
         found = list_tracks(
@@ -103,7 +103,7 @@ def amendments(
     from semap.store.motion.track_amendments import list_track_amendments  # noqa: PLC0415
 
     with (
-        database(dsn) as opened,
+        database(dsn, map_name) as opened,
         one_session(opened, "semap_read", application="semap track") as engine,
         listen(opened, "semap_amendment", "semap_read", application="semap track") as listening,
     ):

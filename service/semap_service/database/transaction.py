@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from fastapi import Depends, Header, Request
@@ -20,7 +20,9 @@ from semap.errors import AccessRefused, ChangedMeanwhile, NotFound, NotPermitted
 from semap.store.database.connection import translated
 from semap.store.database.role import enter
 from semap.store.map.history import lock_edits, sign
+from semap.store.map.places import Shard
 from semap_service.context.caller import Scope, acting, current_caller
+from semap_service.database.shards import Shards
 from semap_service.http.etag import Representation, etag_of, names
 
 Current = Callable[[Connection], Representation | tuple[Callable[[], Representation], ...]]
@@ -35,12 +37,27 @@ ROLES: dict[Scope, str] = {
 """Of callers for all maps; those who are restricted to maps have others, with _map behind."""
 
 
+def _shards(connection: HTTPConnection) -> Shards:
+    shards: Shards = connection.app.state.shards
+    return shards
+
+
 def _engine(connection: HTTPConnection) -> Engine:
+    """The database of what a request is about: of one shard, where a list asks each of them."""
+    shard: Shard | None = connection.scope.get("state", {}).get("shard")
+    shards = _shards(connection)
+    return shards.of_request(connection) if shard is None else shards.engine(shard)
+
+
+def _directory(connection: HTTPConnection) -> Engine:
     engine: Engine = connection.app.state.engine
     return engine
 
 
+Everywhere = Annotated[Shards, Depends(_shards)]
 Database = Annotated[Engine, Depends(_engine)]
+Directory = Annotated[Engine, Depends(_directory)]
+"""What is kept for all maps together."""
 
 
 @contextmanager
@@ -86,6 +103,14 @@ class Writing:
     engine: Engine
     author: str
     message: str
+    shards: Shards | None = None
+
+    def to(self, map_name: str, *, is_new: bool = False) -> Writing:
+        """The same where a map is that the body names; with `is_new`, or where it is to be made."""
+        if self.shards is None:
+            return self
+        found = self.shards.of_new_map(map_name) if is_new else self.shards.of_map(map_name)
+        return replace(self, engine=found)
 
     @contextmanager
     def begin(self) -> Iterator[Connection]:
@@ -98,6 +123,7 @@ class Writing:
 def _writing(
     request: Request,
     engine: Database,
+    shards: Everywhere,
     author: Annotated[
         str | None,
         Header(
@@ -111,7 +137,8 @@ def _writing(
         str, Header(alias="Semap-Message", max_length=1000, description="Why, for the history of the map.")
     ] = "",
 ) -> Writing:
-    return Writing(engine, _signature(request, _text(author) if author else None), _text(message))
+    signature = _signature(request, _text(author) if author else None)
+    return Writing(engine, signature, _text(message), shards)
 
 
 def _signature(request: Request, author: str | None) -> str:

@@ -48,6 +48,17 @@ def read_file(
     return read_building(path, progress, crs)
 
 
+def name_of(found: MapDocument | Building, name: str | None, default_name: str) -> str:
+    """What the map will be called; as `bring_in`."""
+    own_name = found.name if isinstance(found, MapDocument) else default_name
+    wanted = own_name if name is None else name
+    if not wanted:
+        raise InvalidInput("a map without a name", "Give it one.", "name")
+    if "/" in wanted:
+        raise InvalidInput(f"a map named {wanted!r}", "Choose a name without a slash.", "name")
+    return wanted
+
+
 def bring_in(
     connection: Connection,
     found: MapDocument | Building,
@@ -61,12 +72,7 @@ def bring_in(
     name          of the map; None: what a map calls itself, or the default
     raises        Conflict, InvalidInput
     """
-    own_name = found.name if isinstance(found, MapDocument) else default_name
-    wanted = own_name if name is None else name
-    if not wanted:
-        raise InvalidInput("a map without a name", "Give it one.", "name")
-    if "/" in wanted:
-        raise InvalidInput(f"a map named {wanted!r}", "Choose a name without a slash.", "name")
+    wanted = name_of(found, name, default_name)
     if isinstance(found, MapDocument):
         document = replace(found, name=wanted)
         _require_rules(document)

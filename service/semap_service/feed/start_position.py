@@ -9,7 +9,7 @@ from sqlalchemy import Engine
 from semap.errors import InvalidInput, NotFound
 from semap.store.event.event_selection import Selection
 from semap.store.event.events import kept_events
-from semap.store.map.maps import get_map
+from semap.store.map.places import place_of
 from semap_service.context.caller import SYSTEM, acting_as
 from semap_service.database.transaction import transaction
 
@@ -60,4 +60,4 @@ def require_usable(engine: Engine, selection: Selection) -> None:
     if selection.maps is not None and selection.map not in selection.maps:
         raise NotFound("map", selection.map, "List the maps to see their names.")
     with transaction(engine) as connection:
-        get_map(connection, selection.map)
+        place_of(connection, selection.map)

@@ -20,6 +20,7 @@ from semap.errors import TooManyRequests
 from semap.store.operate.jobs import Job, Kind, Owner, get_job
 from semap_service.context.caller import SYSTEM, acting_as, current_caller
 from semap_service.context.request_id import current_request_id
+from semap_service.database.shards import Shards
 from semap_service.database.transaction import Writing, transaction
 from semap_service.documents.job import JobDocument
 from semap_service.exchange.file_name import file_name
@@ -42,6 +43,7 @@ class Acceptance:
     """
 
     runner: JobRunner
+    shards: Shards
     waits: bool
     path: str
 
@@ -88,6 +90,7 @@ class Acceptance:
             map_name=map_name,
             if_match=if_match,
             options=options,
+            shard_dsn=self.shards.dsn_of(writing.engine),
         )
 
     def _done(self, job: Job) -> JSONResponse:
@@ -127,7 +130,8 @@ def _acceptance(
     announced = request.headers.get("content-length", "")
     if not asked and announced.isdigit() and int(announced) <= READ_AT_ONCE_BYTES:
         return None
-    return Acceptance(request.app.state.jobs, not asked, request.url.path)
+    state = request.app.state
+    return Acceptance(state.jobs, state.shards, not asked, request.url.path)
 
 
 Later = Annotated[Acceptance | None, Depends(_acceptance)]

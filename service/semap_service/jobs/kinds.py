@@ -18,12 +18,13 @@ from semap.model.source_geometry import SourceGeometry
 from semap.store.map import blueprints, instances
 from semap.store.map.instance_edit import Changes, edit_instance
 from semap.store.operate.jobs import Kind
+from semap.store.operate.shards import place_new_map
 from semap_service.documents.file_import import import_document
 from semap_service.documents.geometry import UploadedGeometry
 from semap_service.documents.instance import detail
 from semap_service.exchange.geometry_forms import geometry_forms
 from semap_service.exchange.instance_file import write_instances
-from semap_service.exchange.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, name_of, read_file
 from semap_service.exchange.mesh_upload import findings
 from semap_service.http.etag import Representation
 from semap_service.jobs.task import Task
@@ -40,11 +41,13 @@ class Work:
     """prepare  reads the file
     write    brings what was read into the database; returns what a synchronous request would have answered
     current  what If-Match is compared with
+    shard_of  the database where the map is or is to be made; None: that of the job
     """
 
     prepare: Callable[[Task, Progress], Any]
     write: Callable[[Connection, Task, Any, Progress], dict[str, Any]]
     current: Callable[[Connection, Task], Representation | tuple[Callable[[], Representation], ...]]
+    shard_of: Callable[[Task, Any], str | None] = lambda task, prepared: task.shard_dsn
 
 
 def _read_map(task: Task, say: Progress) -> object:
@@ -73,6 +76,14 @@ def _write_map(connection: Connection, task: Task, found: Any, say: Progress) ->
     )
     say(WRITTEN, "deriving regions")
     return import_document(report).model_dump(mode="json")
+
+
+def _shard_of_map(task: Task, found: Any) -> str | None:
+    """It is the file that says the name of its map, where nobody else does."""
+    name = task.options.get("name")
+    stem = Path(task.file).stem
+    shard = place_new_map(task.dsn, name_of(found, None if name is None else str(name), stem))
+    return None if shard is None else shard.dsn
 
 
 def _read_mesh(task: Task, say: Progress) -> MeshFile:
@@ -132,7 +143,7 @@ def _number(options: Mapping[str, object], key: str) -> int:
 
 
 KINDS: dict[Kind, Work] = {
-    "map_import": Work(_read_map, _write_map, _nothing),
+    "map_import": Work(_read_map, _write_map, _nothing, _shard_of_map),
     "instance_import": Work(lambda task, say: None, _write_instances, _nothing),
     "mesh_upload": Work(_read_mesh, _write_mesh, _present_mesh),
 }

@@ -160,12 +160,19 @@ def _do(task: Task, work: Engine, watch: Watch) -> None:
 def _import(task: Task, work: Engine, watch: Watch) -> None:
     kind = KINDS[task.kind]
     prepared = kind.prepare(task, watch.say)
-    writing = Writing(work, task.author, task.message)
+    shard_dsn = kind.shard_of(task, prepared) or task.dsn
+    here = shard_dsn == task.dsn
+    shard = work if here else open_engine(shard_dsn, application=f"semap job {task.job_id} work", size=1)
+    writing = Writing(shard, task.author, task.message)
     editing = Editing(writing, task.if_match, may_create=task.kind == "mesh_upload")
     with editing.begin(lambda connection: kind.current(connection, task)) as connection:
         watch.on(connection)
         result = kind.write(connection, task, prepared, watch.say)
-        finish_job(connection, task.job_id, result)
+        if here:
+            finish_job(connection, task.job_id, result)
+    if not here:  # two databases: killed in between, the job looks lost, and its import is there
+        with transaction(work) as connection:
+            finish_job(connection, task.job_id, result)
 
 
 def end_stopped(task: Task, engine: Engine, *, told: bool) -> None:

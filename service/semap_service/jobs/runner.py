@@ -127,11 +127,13 @@ class JobRunner:
         map_name: str | None = None,
         if_match: str | None = None,
         options: Mapping[str, object] | None = None,
+        shard_dsn: str | None = None,
     ) -> Job:
         """Take a job on.
 
-        given   what the sender calls the file; its suffix says the format
-        raises  TooManyRequests where too many wait already; ServerUnavailable where there is no room
+        given      what the sender calls the file; its suffix says the format
+        shard_dsn  the database where its map is, if that is another one
+        raises     TooManyRequests where too many wait already; ServerUnavailable where there is no room
         """
         with acting_as(SYSTEM), transaction(self.engine) as connection:
             if count_unfinished(connection) >= self.settings.unfinished:
@@ -145,7 +147,17 @@ class JobRunner:
         try:
             self._hold(job_id, spooled)
             task = Task(
-                self._dsn, job_id, kind, given, spooled.path, caller, author, message, if_match, options or {}
+                dsn=self._dsn,
+                job_id=job_id,
+                kind=kind,
+                file=given,
+                path=spooled.path,
+                caller=caller,
+                author=author,
+                message=message,
+                if_match=if_match,
+                options=options or {},
+                shard_dsn=shard_dsn,
             )
             with acting_as(SYSTEM), transaction(self.engine) as connection:
                 job = add_job(

@@ -20,6 +20,7 @@ class Task:
     path         where it waits
     options      what else was said with it, by kind
     author       who signs in the history of the map, and why: `message`
+    shard_dsn    the database where its map is, if that is another one
     service_pid  the process that the job ends with
     """
 
@@ -33,6 +34,7 @@ class Task:
     message: str = ""
     if_match: str | None = None
     options: Mapping[str, object] = field(default_factory=dict)
+    shard_dsn: str | None = None
     service_pid: int = field(default_factory=os.getpid)
 
     @classmethod

@@ -124,14 +124,13 @@ async def _to_the_end(question: Callable[[], T]) -> T:
 class Watches:
     """The maps that somebody watches."""
 
-    engine: Engine
     _open: dict[int, tuple[Watch, asyncio.Task[None], int]] = field(default_factory=dict)
 
     @asynccontextmanager
-    async def watching(self, map_id: int, name: str) -> AsyncIterator[Watch]:
+    async def watching(self, engine: Engine, map_id: int, name: str) -> AsyncIterator[Watch]:
         """The watch of a map, for as long as it is needed."""
         if map_id not in self._open:
-            made = Watch(self.engine, map_id, name)
+            made = Watch(engine, map_id, name)
             with acting_as(SYSTEM, "read"):
                 self._open[map_id] = (made, asyncio.create_task(made.run()), 0)
         watch, task, watchers = self._open[map_id]

@@ -30,10 +30,12 @@ FINAL = (0, 2)
 class Process:
     """One supervised process: `semap` with these arguments.
 
+    dsn      of its database
     may_end  one that ends by itself, or was called wrongly, is not started again
     """
 
     arguments: Sequence[str]
+    dsn: str
     popen: subprocess.Popen[bytes] | None = None
     started_s: float = 0.0
     retry_s: float = FIRST_RETRY_S
@@ -54,8 +56,9 @@ class Supervisor:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def start(self, *arguments: str, may_end: bool = False) -> None:
-        process = Process(arguments, may_end=may_end)
+    def start(self, *arguments: str, dsn: str | None = None, may_end: bool = False) -> None:
+        """dsn is that of another database than the others'."""
+        process = Process(arguments, dsn or self.dsn, may_end=may_end)
         self.processes.append(process)
         self._spawn(process)
 
@@ -105,7 +108,7 @@ class Supervisor:
         process.started_s = time.monotonic()
         process.popen = subprocess.Popen(
             [sys.executable, "-m", "semap_service", *process.arguments],
-            env={**os.environ, "SEMAP_DSN": self.dsn, PARENT_VARIABLE: str(os.getpid())},
+            env={**os.environ, "SEMAP_DSN": process.dsn, PARENT_VARIABLE: str(os.getpid())},
             stdin=subprocess.DEVNULL,
             start_new_session=True,
         )

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
 from pydantic import Field, TypeAdapter
+from sqlalchemy import Engine
 from starlette.requests import Request
 
 from semap.errors import InvalidInput
 from semap.store.event import event_search
 from semap.store.event.cloud_event import BATCH
 from semap.store.event.event_selection import Selection
+from semap.store.event.events import StoredEvent, numbers_of
 from semap.timeline.stamp import to_datetime, to_us
 from semap_service.context.caller import current_caller
-from semap_service.database.transaction import Database, transaction
+from semap_service.database.transaction import Database, Directory, transaction
 from semap_service.documents.asyncapi import asyncapi
 from semap_service.documents.cloud_event import CloudEventDocument, schema_url
 from semap_service.documents.document import (
@@ -120,6 +124,7 @@ async def list_events(
 @router.get("/maps/{name}/events", operation_id="search_events", responses=problems(404))
 def search_events(
     database: Database,
+    directory: Directory,
     name: str,
     start: Annotated[
         InStamp | None, Query(alias="from", description="Only events from this stamp on (RFC 3339).")
@@ -159,7 +164,7 @@ def search_events(
         )
     last = found.last
     return EventPage(
-        events=[EventDocument.model_validate(each) for each in found.events],
+        events=[EventDocument.model_validate(each) for each in _numbered(found.events, database, directory)],
         next=None if last is None else f"{to_us(last.stamp)}.{last.number}",
         reached=None if last is None else last.stamp,
     )
@@ -195,6 +200,15 @@ def get_event_schema(request: Request) -> Response:
 def get_asyncapi(request: Request) -> Response:
     """The messages of the feeds (AsyncAPI 3.0)."""
     return JSONResponse(asyncapi(request.url.netloc, secure=request.url.scheme == "https"))
+
+
+def _numbered(events: Sequence[StoredEvent], database: Engine, directory: Engine) -> Sequence[StoredEvent]:
+    """Events with the numbers that the feed gives them, which are those of the directory of shards."""
+    if database is directory or current_caller().maps is not None:
+        return events
+    with transaction(directory) as connection:
+        numbers = numbers_of(connection, {each.event_id for each in events})
+    return [replace(each, seq=numbers.get(each.event_id, 0)) for each in events]
 
 
 def _place(cursor: str) -> event_search.Place:

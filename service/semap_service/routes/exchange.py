@@ -29,7 +29,7 @@ from semap_service.documents.file_import import ImportDocument, InstanceImportDo
 from semap_service.exchange.crs import Crs
 from semap_service.exchange.file_name import file_name
 from semap_service.exchange.instance_file import write_instances
-from semap_service.exchange.map_file import bring_in, read_file
+from semap_service.exchange.map_file import bring_in, name_of, read_file
 from semap_service.exchange.placed_geojson import placed_geojson
 from semap_service.exchange.zip_archive import pack
 from semap_service.http.problem import problems
@@ -94,8 +94,9 @@ def import_file(
                 str(error).replace(f"{scratch}/", "").replace(str(path), given).replace(f"{path.parent}/", "")
             )
             raise InvalidInput(told, error.remedy) from error
-    with write.begin() as connection:
-        report = bring_in(connection, found, name, PurePath(given).stem)
+    stem = PurePath(given).stem
+    with write.to(name_of(found, name, stem), is_new=True).begin() as connection:
+        report = bring_in(connection, found, name, stem)
     response.headers["Location"] = f"/maps/{quote(report.map, safe='')}"
     return import_document(report)
 

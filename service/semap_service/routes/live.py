@@ -33,7 +33,7 @@ async def live_map(socket: WebSocket, database: Database, name: str) -> None:
             connection = lent(socket)
             if connection is not None:
                 connection.keep_newest()
-            async with socket.app.state.watches.watching(map_id, name) as watch:
+            async with socket.app.state.watches.watching(database, map_id, name) as watch:
                 showing = _show(watch, SocketOutlet(socket), socket.app.state.pace, feed)
                 if await until_gone(socket, asyncio.create_task(showing)):
                     await close(socket, TOO_SLOW, "too slow")

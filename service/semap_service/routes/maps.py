@@ -11,7 +11,7 @@ from pydantic import Field
 from sqlalchemy import Connection
 
 from semap.store.map import maps
-from semap_service.database.transaction import Database, Edit, Write, transaction
+from semap_service.database.transaction import Database, Edit, Everywhere, Write, transaction
 from semap_service.documents.document import Document, Limit, Name, Request, Stamp
 from semap_service.http.etag import TaggedRoute, edits, reads
 from semap_service.http.problem import problems
@@ -62,7 +62,7 @@ def list_maps(
 @router.post("/maps", operation_id="create_map", status_code=201, responses=problems(409))
 def create_map(write: Write, new: NewMap, response: Response) -> MapDocument:
     """Make a map, with its frame `map`, a query for what is in rooms, and a rule that makes events of it."""
-    with write.begin() as connection:
+    with write.to(new.name, is_new=True).begin() as connection:
         made = maps.create_map(connection, new.name, new.cell_m)
     response.headers["Location"] = f"/maps/{quote(made.name, safe='')}"
     return MapDocument.model_validate(made)
@@ -76,10 +76,11 @@ def get_map(database: Database, name: str) -> MapDocument:
 
 
 @router.delete("/maps/{name}", operation_id="delete_map", status_code=204, responses=edits(404))
-def delete_map(edit: Edit, name: str) -> None:
+def delete_map(edit: Edit, shards: Everywhere, name: str) -> None:
     """Delete a map with all that is on it and all that happened on it."""
     with edit.begin(lambda connection: _read(connection, name)) as connection:
         maps.delete_map(connection, name)
+    shards.forget(name)
 
 
 def _read(connection: Connection, name: str) -> MapDocument:

@@ -132,7 +132,7 @@ def add_object_states(write: Write, new: NewObjectStates) -> AddedObjectStates:
         NewObjectState(each.instance, each.property, each.value, each.stamp, each.attributes)
         for each in new.states
     ]
-    with write.begin() as connection:
+    with write.to(new.map).begin() as connection:
         added = object_states.add_object_states(
             connection, new.map, new.source, states, watermark=new.watermark
         )

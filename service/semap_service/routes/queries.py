@@ -250,7 +250,7 @@ def list_queries(
 @router.post("/queries", operation_id="add_query", status_code=201, responses=problems(404, 409))
 def add_query(write: Write, new: NewQuery, response: Response) -> QueryDocument:
     """Maintain a relation. The present relations hold when the response is sent."""
-    with write.begin() as connection:
+    with write.to(new.map).begin() as connection:
         made = queries.add_query(connection, new.map, new.declaration(connection), sql=new.sql)
     response.headers["Location"] = f"/queries/{made.query_id}"
     return _document(made)

@@ -19,7 +19,7 @@ from semap.store.database.connection import driver_of
 from semap.store.event.rules import get_rule
 from semap.store.map.maps import get_map
 from semap.worker import past, why
-from semap_service.database.transaction import Database, on_whole_map, transaction
+from semap_service.database.transaction import Database, Everywhere, on_whole_map, transaction
 from semap_service.documents.document import (
     Document,
     InStamp,
@@ -89,7 +89,7 @@ class ExplanationDocument(Document):
 
 
 @router.post("/rules/dry-run", operation_id="dry_run_rule", responses=problems(404, 413))
-def dry_run_rule(database: Database, wanted: DryRun, connected: Connected) -> DryRunAnswer:
+def dry_run_rule(shards: Everywhere, wanted: DryRun, connected: Connected) -> DryRunAnswer:
     """Run a rule over stored history and give the events that it would have made; nothing is written.
     It ends when the caller goes away.
 
@@ -97,7 +97,7 @@ def dry_run_rule(database: Database, wanted: DryRun, connected: Connected) -> Dr
     """
     declared = parse_declaration({**wanted.declaration, "name": wanted.name})
     given_up: list[GivenUp] = []
-    with transaction(database) as connection:
+    with transaction(shards.of_map(wanted.map)) as connection:
         get_map(connection, wanted.map)
         on_whole_map(connection)
         events = past.dry_run(

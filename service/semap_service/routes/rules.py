@@ -127,7 +127,7 @@ def add_rule(write: Write, new: NewRule, response: Response) -> RuleDocument:
     of objects. Rules that would read one another in a circle are refused.
     """
     declared = parse_declaration({**new.declaration, "name": new.name})
-    with write.begin() as connection:
+    with write.to(new.map).begin() as connection:
         made = rule_editing.add_rule(connection, new.map, declared, _stamp(new.backfill_from))
     response.headers["Location"] = f"/rules/{made.rule_id}"
     return RuleDocument.model_validate(made)

@@ -14,7 +14,8 @@ from sqlalchemy import Engine
 from semap.errors import InvalidInput, NotFound, SemapError
 from semap.store.map.maps import map_id_of
 from semap_service.context.caller import current_caller
-from semap_service.database.transaction import Database, transaction
+from semap_service.database.shards import Shards
+from semap_service.database.transaction import Database, Everywhere, transaction
 from semap_service.documents.document import InStamp, Name
 from semap_service.documents.json_values import require_few_values
 from semap_service.documents.state import (
@@ -59,6 +60,7 @@ async def add_states(
     request: Request,
     name: str,
     database: Database,
+    shards: Everywhere,
     source: Annotated[Name | None, Query(description="Of lines of JSON: made where it is missing.")] = None,
     sequence: Annotated[Sequence | None, Query(description=f"Of lines of JSON. {SEQUENCE}")] = None,
     watermark: Annotated[InStamp | None, Query(description=f"Of lines of JSON. {WATERMARK}")] = None,
@@ -81,13 +83,13 @@ async def add_states(
             message = Message(source, states, refused, sequence, watermark_us(watermark))
         else:
             message = read_message(body)
-        return StateTaking(request.app.state.states, name).take(message)
+        return StateTaking(shards.states_of(name), name).take(message)
 
     return await asyncio.to_thread(take)
 
 
 @router.websocket("/maps/{name}/states/live")
-async def stream_states(socket: WebSocket, name: str, database: Database) -> None:
+async def stream_states(socket: WebSocket, name: str, database: Database, shards: Everywhere) -> None:
     """Hello, then an answer to each message, in their order.
 
     While the database is slow nothing is read, so that the client waits; at most WINDOW messages may be on
@@ -98,7 +100,7 @@ async def stream_states(socket: WebSocket, name: str, database: Database) -> Non
         source = socket.query_params.get("source", "")
         if not source:
             raise InvalidInput("the source is not said", "Add ?source=NAME.", "source")
-        taking = await asyncio.to_thread(partial(_taking, socket, database, name))
+        taking = await asyncio.to_thread(partial(_taking, shards, database, name))
         last = await asyncio.to_thread(partial(taking.last, source))
         hello = StatesHello(source=source, sequence=last, window=WINDOW)
         await socket.send_text(hello.model_dump_json())
@@ -114,9 +116,9 @@ async def stream_states(socket: WebSocket, name: str, database: Database) -> Non
         await close(socket, NORMAL, "send text")
 
 
-def _taking(socket: WebSocket, database: Engine, name: str) -> StateTaking:
+def _taking(shards: Shards, database: Engine, name: str) -> StateTaking:
     require_visible(database, name)
-    return StateTaking(socket.app.state.states, name)
+    return StateTaking(shards.states_of(name), name)
 
 
 def _take(taking: StateTaking, body: bytes, source: str, last: int) -> Taken:

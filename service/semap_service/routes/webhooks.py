@@ -17,7 +17,7 @@ from semap.errors import NotFound
 from semap.store.event import webhooks
 from semap.store.event.event_selection import Selection
 from semap.store.event.webhook_delivery import Line, read_line
-from semap.store.map.maps import get_map
+from semap.store.map.places import place_of
 from semap_service.context.caller import current_caller
 from semap_service.database.transaction import Database, Edit, transaction
 from semap_service.documents.document import (
@@ -351,7 +351,7 @@ def _columns(request: HttpRequest, connection: Connection, values: dict[str, Any
         require_url(values["url"], allow_private=_deliverer(request).settings.allow_private)
     Selection(filter=values.get("filter")).check()
     for name in values.get("maps") or ():
-        get_map(connection, name)
+        place_of(connection, name)
     return {COLUMNS.get(key, key): value for key, value in values.items()}
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from fastapi import FastAPI
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse
 from fastapi.staticfiles import StaticFiles
+from sqlalchemy import Engine
 
 from semap import __version__
 from semap.store.database.connection import open_engine
@@ -24,6 +26,7 @@ from semap_service.access.cors import CrossOrigin
 from semap_service.access.limits import LIMITS, Limits
 from semap_service.access.token_cache import TokenCache
 from semap_service.context.caller import SYSTEM, acting_as
+from semap_service.database.shards import Shards
 from semap_service.feed.channel import Channels
 from semap_service.feed.ring import Feed
 from semap_service.http.body_limit import LimitedBody
@@ -84,6 +87,7 @@ from semap_service.routes import (
     webhooks,
     whereabouts,
 )
+from semap_service.serving.merged import Merged
 from semap_service.serving.openapi import add_description, describer
 from semap_service.webhooks.delivery import WEBHOOKS, Deliverer, WebhookSettings
 
@@ -173,13 +177,13 @@ def create_app(
         engine = open_engine(dsn, ROLE, application="semap serve", size=CONNECTIONS)
         app.state.engine = token_cache.engine = engine
         app.state.token_cache = token_cache
-        app.state.states = open_engine(dsn, STATES_ROLE, application="semap states", size=STATES_CONNECTIONS)
+        app.state.shards = _shards(dsn, engine)
         app.state.watch = open_engine(dsn, ROLE, application="semap watch", size=1)
         app.state.metrics = Metrics(instruments, app.state.watch, engine)
         app.state.pace = Pace(heartbeat_s)
         app.state.feed = Feed(engine, dsn, tick_s=min(TICK_S, heartbeat_s / 3))
         app.state.channels = Channels(app.state.feed)
-        app.state.watches = Watches(engine)
+        app.state.watches = Watches()
         app.state.feed.on_taken = instruments.feed_took
         app.state.jobs = JobRunner(dsn, engine, job_settings)
         app.state.webhooks = Deliverer(
@@ -199,7 +203,7 @@ def create_app(
                 task.cancel()
                 with suppress(asyncio.CancelledError):
                     await task
-            for each in (app.state.watch, app.state.states, engine):
+            for each in (app.state.shards, app.state.watch, engine):
                 each.dispose()
 
     instruments = Instruments()
@@ -222,6 +226,7 @@ def create_app(
     app.include_router(live.router)
     app.state.methods = published_methods(each.router for each in RESOURCES)
     _add_documents(app)
+    app.add_middleware(Merged)
     app.add_middleware(Routed)
     app.add_middleware(Compressed)
     app.add_middleware(Headed)
@@ -239,6 +244,13 @@ def create_app(
     app.add_middleware(RequestLog, instruments=instruments, failed=unexpected)
     app.openapi = describer(app)  # type: ignore[method-assign]
     return app
+
+
+def _shards(dsn: str, engine: Engine) -> Shards:
+    """With as many connections to each shard as to the directory."""
+    open_requests = partial(open_engine, role=ROLE, application="semap serve", size=CONNECTIONS)
+    open_states = partial(open_engine, role=STATES_ROLE, application="semap states", size=STATES_CONNECTIONS)
+    return Shards(dsn, engine, open_requests, open_states)
 
 
 def _add_documents(app: FastAPI) -> None:
