@@ -10,6 +10,11 @@ import { say, t } from "../language/catalogue";
 
 type Values = Readonly<Record<string, string>>;
 
+interface Chosen {
+  template: string;
+  values: Values;
+}
+
 interface SentenceProps {
   app: App;
   words: RuleWords | null;
@@ -22,10 +27,10 @@ interface SentenceProps {
 /** A rule as a sentence with gaps: what is chosen there is written as text, and what is written is said here. */
 export function Sentence({ app, words, text, set, check }: SentenceProps) {
   const { value: templates, problem, reload } = useResource((signal) => listTemplates(app.api, signal), []);
-  const [chosen, setChosen] = useState<{ template: string; values: Values } | null>(null);
+  const [chosen, setChosen] = useState<Chosen | null>(null);
   const [refused, setRefused] = useState<Problem | null>(null);
-  /** The text that the sentence wrote last, which need not be read back. */
-  const written = useRef<string | null>(null);
+  /** What the sentence wrote last, which need not be read back. */
+  const written = useRef<{ text: string; chosen: Chosen } | null>(null);
   const writing = useRef<AbortController | null>(null);
   const like = check?.like ?? null;
   const giveUp = (): void => {
@@ -34,12 +39,17 @@ export function Sentence({ app, words, text, set, check }: SentenceProps) {
   };
   useEffect(() => giveUp, []);
   useEffect(() => {
-    if (text === written.current) return;
+    if (text === written.current?.text) return;
     giveUp();
     setRefused(null);
   }, [text]);
   useEffect(() => {
-    if (text === written.current || writing.current !== null) return;
+    if (writing.current !== null) return;
+    if (text === written.current?.text) {
+      // What came of an earlier text may have taken it away after it was chosen.
+      setChosen(written.current.chosen);
+      return;
+    }
     // A sentence beside a text that is wrong would say something else than the text.
     if (text.trim() === "" || check?.fault) setChosen(null);
     if (like !== null) setChosen(like.values && { template: like.template, values: like.values });
@@ -52,7 +62,7 @@ export function Sentence({ app, words, text, set, check }: SentenceProps) {
     try {
       const filled = await fillTemplate(app.api, template, values, stop.signal);
       if (stop.signal.aborted) return;
-      written.current = filled;
+      written.current = { text: filled, chosen: { template, values } };
       set(filled);
     } catch (error) {
       if (!stop.signal.aborted) setRefused(problemOf(error));
