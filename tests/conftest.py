@@ -6,12 +6,10 @@ from functools import cache
 import pytest
 from hypothesis import settings
 from left_out import pytest_terminal_summary  # noqa: F401
-from server import fresh_database, make_template, running_cluster
+from server import database_with_slot, fresh_database, make_template, running_cluster
 from world import World
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 # The same examples in each run, and no clock, so that a change is judged by itself; `./dev test --all` looks for new ones.
 settings.register_profile("steady", derandomize=True, deadline=None)
@@ -46,9 +44,14 @@ def template(cluster: Cluster) -> str:
 @pytest.fixture
 def database(cluster: Cluster, template: str) -> Iterator[str]:
     """The DSN of a migrated database with its replication slot and nothing in it."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
+        yield dsn
+
+
+@pytest.fixture
+def other_database(cluster: Cluster, template: str) -> Iterator[str]:
+    """The DSN of another one."""
+    with database_with_slot(cluster, template) as dsn:
         yield dsn
 
 

@@ -14,6 +14,8 @@ from psycopg.sql import SQL, Identifier
 
 from semap.cluster import Cluster, lease
 from semap.cluster.cluster import SUPERUSER
+from semap.store.database.connection import connect
+from semap.store.operate.rule_slot import ensure_slot
 from semap.store.operate.schema import migrate
 
 # The tests kill processes, never the machine, so only the synchronisation to the disk is left out:
@@ -100,6 +102,15 @@ def fresh_database(cluster: Cluster, template: str | None = None) -> Iterator[st
             yield make_conninfo(cluster.dsn(name), user=OWNER)
     finally:
         cluster.drop_database(name)
+
+
+@contextmanager
+def database_with_slot(cluster: Cluster, template: str) -> Iterator[str]:
+    """The same, with the replication slot that a worker reads."""
+    with fresh_database(cluster, template) as dsn:
+        with connect(dsn) as connection:
+            ensure_slot(connection)
+        yield dsn
 
 
 def ask_in_parallel(connection: psycopg.Connection) -> None:

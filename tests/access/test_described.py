@@ -14,11 +14,9 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 from patience import PATIENCE_S
 from semap_service.serving.app import create_app
-from server import fresh_database
+from server import database_with_slot
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -53,9 +51,7 @@ OF_PATHS = {
 @pytest.fixture
 def furnished(cluster: Cluster, template: str) -> Iterator[tuple[Guarded, dict[str, int]]]:
     """A service over a database of its own, which what is asked may destroy."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         ids = furnish(dsn)
         with guarded(dsn) as service:
             give_tokens(service)

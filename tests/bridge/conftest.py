@@ -6,13 +6,11 @@ from semap_bridge.relay.topics import Topics as RelayTopics
 from semap_ingest.simulation.office import OfficePaths, write_office
 from semap_ingest.simulation.settings import OfficeSettings
 from semap_service.evaluation.play import set_the_stage
-from server import fresh_database
+from server import database_with_slot
 from topics import Topics
 
 from bench.kafka.broker import Broker, KafkaMissing, running_broker
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 
 @pytest.fixture(scope="session")
@@ -34,9 +32,7 @@ def office_template(cluster: Cluster, template: str, office: OfficePaths) -> str
 @pytest.fixture
 def office_map(cluster: Cluster, office_template: str) -> Iterator[str]:
     """The DSN of a database with the maps of the office."""
-    with fresh_database(cluster, office_template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, office_template) as dsn:
         yield dsn
 
 
@@ -55,11 +51,3 @@ def relay(broker: Broker) -> RelayTopics:
     made = RelayTopics(broker.address, Topics(broker).word)
     made.make(partitions=3)
     return made
-
-
-@pytest.fixture
-def other_database(cluster: Cluster, template: str) -> Iterator[str]:
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
-        yield dsn

@@ -16,11 +16,9 @@ from playwright.sync_api import (
 )
 from semap_service.http.page import FILES
 from served import Office, Served
-from server import fresh_database
+from server import database_with_slot
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -42,9 +40,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def page_database(cluster: Cluster, template: str) -> Iterator[str]:
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         yield dsn
 
 

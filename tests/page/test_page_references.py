@@ -24,11 +24,9 @@ from patience import until
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from served import Office, Served, brought_in, house
-from server import fresh_database
+from server import database_with_slot
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 KEPT = Path(__file__).parent / "references"
 NINE = datetime(2026, 1, 5, 9, tzinfo=UTC)
@@ -82,9 +80,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def buildings(cluster: Cluster, template: str) -> Iterator[str]:
     """A service of its own, whose ids, and so the colours of people, are the same in each run."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         running = Served(dsn)
         try:
             running.start()

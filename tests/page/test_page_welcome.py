@@ -9,19 +9,16 @@ import pytest
 from measured import in_every_size, in_every_theme
 from playwright.sync_api import Page, expect
 from served import Served
-from server import fresh_database
+from server import database_with_slot
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 
 @pytest.fixture
 def empty(cluster: Cluster, template: str) -> Iterator[Served]:
     """A service over a database without maps."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         running = Served(dsn)
         try:
             yield running.start()

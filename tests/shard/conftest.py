@@ -4,8 +4,6 @@ import pytest
 from server import fresh_database
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 from semap.store.operate.shards import add_shard
 
 
@@ -14,13 +12,4 @@ def north(cluster: Cluster, template: str, database: str) -> Iterator[str]:
     """The DSN of a shard of the database."""
     with fresh_database(cluster, template) as dsn:
         add_shard(database, "north", dsn)
-        yield dsn
-
-
-@pytest.fixture
-def alone(cluster: Cluster, template: str) -> Iterator[str]:
-    """The DSN of a database that has all maps by itself."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
         yield dsn

@@ -13,6 +13,16 @@ from semap.store.operate.shards import place_map
 
 HERE, THERE = ("annex", "office"), ("barn", "wing")
 MAPS = (*HERE, *THERE)
+FLAT = {
+    "type": "FeatureCollection",
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {"name": "kitchen", "height_m": 2.5},
+            "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]},
+        }
+    ],
+}
 
 
 @dataclass

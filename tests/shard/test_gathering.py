@@ -36,16 +36,16 @@ def of_map(dsn: str, map_id: int) -> int:
         return count
 
 
-def test_two_shards_make_what_one_database_makes(database: str, north: str, alone: str) -> None:
+def test_two_shards_make_what_one_database_makes(database: str, north: str, other_database: str) -> None:
     place_map(database, "there", "north")
-    together = [DoorScene(World(alone, name)) for name in ("here", "there")]
+    together = [DoorScene(World(other_database, name)) for name in ("here", "there")]
     apart = [DoorScene(World(database, "here")), DoorScene(World(north, "there"))]
-    with running_worker(alone):
+    with running_worker(other_database):
         for play in (begin, go_on):
             for scene in together:
                 play(scene)
-        await_progress(alone)
-    expected = rows(alone)
+        await_progress(other_database)
+    expected = rows(other_database)
     with running_worker(database), running_worker(north):
         with gathering(database):
             for scene in apart:
@@ -59,7 +59,7 @@ def test_two_shards_make_what_one_database_makes(database: str, north: str, alon
             until(lambda: counted(database) >= len(expected))
     assert rows(database) == expected
     assert {row[0] for row in expected} >= {*PAPER, "stayed", "settled", "built", "looks_back"}
-    assert places(database) == places(alone)
+    assert places(database) == places(other_database)
     with connect(database) as connection:
         (numbers,) = connection.execute("select array_agg(seq order by seq) from semap.event").fetchone()
     assert numbers == list(range(1, len(expected) + 1))

@@ -9,6 +9,7 @@ import pytest
 from psycopg.conninfo import make_conninfo
 from semap_service.cli import commands
 from server import fresh_database
+from shard.serving import FLAT
 from typer.testing import CliRunner
 
 from semap.cluster import Cluster
@@ -16,16 +17,6 @@ from semap.errors import Conflict, SemapError
 from semap.store.database.connection import connect
 
 PASSWORD = "hunter2-hunter2"
-FLAT = {
-    "type": "FeatureCollection",
-    "features": [
-        {
-            "type": "Feature",
-            "properties": {"name": "kitchen", "height_m": 2.5},
-            "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]},
-        }
-    ],
-}
 
 
 def run(dsn: str, *arguments: str) -> str:

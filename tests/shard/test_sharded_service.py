@@ -8,25 +8,14 @@ from datetime import UTC, datetime
 
 import httpx
 import pytest
-from server import fresh_database
-from shard.serving import MAPS, Campus, campus
+from server import database_with_slot
+from shard.serving import FLAT, MAPS, Campus, campus
 from web_socket import connect as connect_socket
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect, one_transaction
-from semap.store.operate.rule_slot import ensure_slot
 from semap.store.operate.shards import add_shard, drain_shard, place_map
 
-FLAT = {
-    "type": "FeatureCollection",
-    "features": [
-        {
-            "type": "Feature",
-            "properties": {"name": "kitchen", "height_m": 2.5},
-            "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]]},
-        }
-    ],
-}
 LISTS = {
     "/maps": "maps",
     "/instances": "instances",
@@ -42,10 +31,10 @@ ASKED = {"/relations": {"as_of": "1970-01-01T00:00:02Z"}}
 
 @pytest.fixture(scope="module")
 def both(cluster: Cluster, template: str) -> Iterator[Campus]:
-    with fresh_database(cluster, template) as directory, fresh_database(cluster, template) as north:
-        for dsn in (directory, north):
-            with connect(dsn) as connection:
-                ensure_slot(connection)
+    with (
+        database_with_slot(cluster, template) as directory,
+        database_with_slot(cluster, template) as north,
+    ):
         add_shard(directory, "north", north)
         with campus(directory, north) as made:
             yield made

@@ -10,13 +10,12 @@ import pytest
 import shapely
 from pair_oracle import Question
 from pair_town import Town
-from server import fresh_database
+from server import database_with_slot, fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
 from semap.store.database.connection import connect
 from semap.store.operate.doctor.verification import verify
-from semap.store.operate.rule_slot import ensure_slot
 
 WIDE = shapely.box(0, 0, 4, 4)
 QUESTIONS = {
@@ -66,9 +65,7 @@ def differing(dsn: str, repair: bool = False, map_name: str | None = None) -> di
 @pytest.fixture(scope="module")
 def walked(cluster: Cluster, template: str) -> Iterator[str]:
     """The name of a database with a map for each question, on which six tracks of two sources have walked."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         for number, (name, asked) in enumerate(QUESTIONS.items()):
             town, dice = Town(dsn, asked, name), random.Random(number)
             for track in "abcdef":

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 import shapely
-from server import fresh_database
+from server import database_with_slot, fresh_database
 from world import SECOND_US, World
 
 from semap.cluster import Cluster
@@ -23,7 +23,6 @@ from semap.errors import Conflict
 from semap.store.database.connection import connect
 from semap.store.operate.doctor import verification as verification_module
 from semap.store.operate.doctor.verification import COMPARISONS, Verified, verify
-from semap.store.operate.rule_slot import ensure_slot
 
 ROOMS = {f"r{n}": shapely.box(4 * n, 0, 4 * n + 4, 4) for n in range(4)}
 QUERIES = {
@@ -72,9 +71,7 @@ def differing(dsn: str, repair: bool = False) -> dict[str, list[tuple[str, str, 
 @pytest.fixture(scope="module")
 def walked(cluster: Cluster, template: str) -> Iterator[str]:
     """The name of a database with queries of all kinds and tracks that have walked past rooms that were edited."""
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         world, dice = World(dsn), random.Random(7)
         for name, room in ROOMS.items():
             world.add_room(name, room)

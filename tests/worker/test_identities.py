@@ -7,15 +7,13 @@ from itertools import chain
 import shapely
 from door_scene import PAPER, DoorScene
 from rule_work import await_progress, running_worker
-from server import fresh_database
+from server import database_with_slot
 from world import World
 
 from semap.cluster import Cluster
 from semap.intake.input_row import map_row
 from semap.intake.map_facts import MapFacts
 from semap.replication.pgoutput import Change
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 
 def play(*scenes: DoorScene) -> list[set[tuple[str, str, str]]]:
@@ -45,9 +43,7 @@ def play(*scenes: DoorScene) -> list[set[tuple[str, str, str]]]:
 def test_no_number_of_a_database_is_in_an_identity(cluster: Cluster, template: str) -> None:
     found = []
     for others in (0, 3):
-        with fresh_database(cluster, template) as dsn:
-            with connect(dsn) as connection:
-                ensure_slot(connection)
+        with database_with_slot(cluster, template) as dsn:
             for number in range(others):
                 other = World(dsn, f"other {number}")
                 other.add_room("room", shapely.box(0, 0, 1, 1))

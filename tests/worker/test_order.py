@@ -11,14 +11,12 @@ from operator import itemgetter
 import pytest
 from door_scene import PAPER, DoorScene, stamp, us
 from rule_work import await_progress, running_worker
-from server import fresh_database
+from server import database_with_slot
 from test_backfill import RULES
 from test_exactly_once import cut
 from world import World
 
 from semap.cluster import Cluster
-from semap.store.database.connection import connect
-from semap.store.operate.rule_slot import ensure_slot
 
 SECONDS = 24
 TRACKERS = {"near": ("ann", "bob"), "far": ("eve", "joe")}
@@ -132,9 +130,7 @@ def log_of_all_at_once(cluster: Cluster, template: str) -> list[tuple]:
 
 
 def played(cluster: Cluster, template: str, way: Way) -> list[tuple]:
-    with fresh_database(cluster, template) as dsn:
-        with connect(dsn) as connection:
-            ensure_slot(connection)
+    with database_with_slot(cluster, template) as dsn:
         play = Play(dsn)
         with running_worker(dsn):
             play.bring(way)
